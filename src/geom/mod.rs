@@ -1,0 +1,108 @@
+//! 2-D and 3-D primitives, polygons, predicates. Imports nothing of ours.
+
+/// A point or vector in space, millimetres.
+pub type Vec3 = nalgebra::Vector3<f64>;
+/// A point or vector in the plane, millimetres.
+pub type Vec2 = nalgebra::Vector2<f64>;
+
+/// Axis-aligned box in space.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Box3 {
+    /// Smallest coordinates.
+    pub min: Vec3,
+    /// Largest coordinates.
+    pub max: Vec3,
+}
+
+impl Box3 {
+    /// The box that holds nothing; growing it by a point gives that point.
+    pub fn empty() -> Self {
+        Self { min: Vec3::repeat(f64::INFINITY), max: Vec3::repeat(f64::NEG_INFINITY) }
+    }
+
+    /// The smallest box around `points`.
+    pub fn of<'a>(points: impl IntoIterator<Item = &'a Vec3>) -> Self {
+        let mut out = Self::empty();
+        for point in points {
+            out.grow(point);
+        }
+        out
+    }
+
+    /// Grows the box so that it holds `point`.
+    pub fn grow(&mut self, point: &Vec3) {
+        self.min = self.min.inf(point);
+        self.max = self.max.sup(point);
+    }
+
+    /// Extent along each axis.
+    pub fn size(&self) -> Vec3 {
+        self.max - self.min
+    }
+
+    /// Length of the diagonal.
+    pub fn diagonal(&self) -> f64 {
+        self.size().norm()
+    }
+}
+
+/// Axis-aligned box in the plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Box2 {
+    /// Smallest coordinates.
+    pub min: Vec2,
+    /// Largest coordinates.
+    pub max: Vec2,
+}
+
+impl Box2 {
+    /// The box that holds nothing.
+    pub fn empty() -> Self {
+        Self { min: Vec2::repeat(f64::INFINITY), max: Vec2::repeat(f64::NEG_INFINITY) }
+    }
+
+    /// The smallest box around `points`.
+    pub fn of<'a>(points: impl IntoIterator<Item = &'a Vec2>) -> Self {
+        let mut out = Self::empty();
+        for point in points {
+            out.grow(point);
+        }
+        out
+    }
+
+    /// Grows the box so that it holds `point`.
+    pub fn grow(&mut self, point: &Vec2) {
+        self.min = self.min.inf(point);
+        self.max = self.max.sup(point);
+    }
+
+    /// Extent along each axis.
+    pub fn size(&self) -> Vec2 {
+        self.max - self.min
+    }
+}
+
+/// z-component of the cross product of two plane vectors.
+pub fn cross2(a: Vec2, b: Vec2) -> f64 {
+    a.x * b.y - a.y * b.x
+}
+
+/// Signed area of a closed polygon (first point not repeated); counter-clockwise is positive.
+pub fn signed_area(polygon: &[Vec2]) -> f64 {
+    let n = polygon.len();
+    0.5 * (0..n).map(|i| cross2(polygon[i], polygon[(i + 1) % n])).sum::<f64>()
+}
+
+/// Length of a polyline, with the closing segment when `closed`.
+pub fn polyline_length(points: &[Vec2], closed: bool) -> f64 {
+    let open: f64 = points.windows(2).map(|w| (w[1] - w[0]).norm()).sum();
+    match (closed, points) {
+        (true, [first, .., last]) => open + (first - last).norm(),
+        _ => open,
+    }
+}
+
+/// Angle between two vectors in space, radians in [0, π]; accurate near 0 and π.
+pub fn angle_between(a: Vec3, b: Vec3) -> f64 {
+    a.cross(&b).norm().atan2(a.dot(&b))
+}

@@ -1,0 +1,3 @@
+//! The `fabricate` command.
+
+fn main() {}

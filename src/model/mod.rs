@@ -1,0 +1,9 @@
+//! The nouns that cross stages: plain data, and what each of them guarantees.
+
+mod nouns;
+mod planar;
+mod shape;
+
+pub use nouns::{Artifact, Kind, Noun};
+pub use planar::{Mark, Operation, Part, Parts, Placement, Sheet, SheetPaths, Sheets, Toolpath, Toolpaths};
+pub use shape::{CutMesh, DevelopableMesh, Flattening, Overlap, Piece, PieceId, Round, Seam, SourceMesh};

@@ -1,0 +1,47 @@
+//! The sum of all nouns, so that a plan can be checked and a store can hold them.
+use super::{CutMesh, DevelopableMesh, Flattening, Parts, Sheets, SourceMesh, Toolpaths};
+use crate::mesh::TriMesh;
+
+macro_rules! nouns {
+    ($($name:ident),* $(,)?) => {
+        /// Which noun.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub enum Kind { $(#[doc = stringify!($name)] $name),* }
+
+        /// Any one noun.
+        #[derive(Debug, Clone, PartialEq)]
+        pub enum Artifact { $(#[doc = stringify!($name)] $name($name)),* }
+
+        impl Artifact {
+            /// Its kind.
+            pub fn kind(&self) -> Kind {
+                match self { $(Self::$name(_) => Kind::$name),* }
+            }
+        }
+
+        $(impl Noun for $name {
+            const KIND: Kind = Kind::$name;
+            fn wrap(self) -> Artifact {
+                Artifact::$name(self)
+            }
+            fn peek(artifact: &Artifact) -> Option<&Self> {
+                match artifact {
+                    Artifact::$name(it) => Some(it),
+                    _ => None,
+                }
+            }
+        })*
+    };
+}
+
+/// A type that may cross a stage boundary.
+pub trait Noun: Sized + Send + Sync + 'static {
+    /// Its kind.
+    const KIND: Kind;
+    /// Into the sum.
+    fn wrap(self) -> Artifact;
+    /// Out of the sum, if it is this noun.
+    fn peek(artifact: &Artifact) -> Option<&Self>;
+}
+
+nouns!(SourceMesh, TriMesh, DevelopableMesh, CutMesh, Flattening, Parts, Sheets, Toolpaths);

@@ -1,0 +1,144 @@
+//! Nouns in the plane: parts, sheets, toolpaths.
+use crate::geom::Vec2;
+
+/// What a line is for. Machines map operations to layers, colours and tools by their profile.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Operation {
+    /// Outer contour of a part.
+    CutOutside,
+    /// Hole in a part.
+    CutInside,
+    /// Fold away from the printed side.
+    ScoreMountain,
+    /// Fold towards the printed side.
+    ScoreValley,
+    /// Surface mark.
+    Engrave,
+    /// Lettering in single strokes.
+    Text,
+    /// Registration and match marks.
+    Registration,
+    /// Sewing line.
+    Sew,
+}
+
+impl Operation {
+    /// All of them, in the usual order of work: marks first, inner cuts before outer cuts.
+    pub const ALL: [Self; 8] = [
+        Self::Text,
+        Self::Registration,
+        Self::Engrave,
+        Self::Sew,
+        Self::ScoreValley,
+        Self::ScoreMountain,
+        Self::CutInside,
+        Self::CutOutside,
+    ];
+
+    /// Whether it goes through the material.
+    pub fn is_cut(self) -> bool {
+        matches!(self, Self::CutInside | Self::CutOutside)
+    }
+}
+
+/// A line on a part that is not its outline.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mark {
+    /// What it is for.
+    pub operation: Operation,
+    /// Its points, mm.
+    pub points: Vec<Vec2>,
+    /// Whether the last point joins the first.
+    pub closed: bool,
+}
+
+/// A flat part. Its contours are closed and simple and do not touch one another: the first is the outline,
+/// counter-clockwise, the others are holes, clockwise.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part {
+    /// Name, unique in the job.
+    pub name: String,
+    /// Outline and holes, first point not repeated, mm.
+    pub contours: Vec<Vec<Vec2>>,
+    /// Scores, text, registration marks.
+    pub marks: Vec<Mark>,
+}
+
+/// All parts of a job.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Parts {
+    /// The parts.
+    pub parts: Vec<Part>,
+    /// Pieces that could not become parts with a simple outline, with the reason.
+    pub refused: Vec<String>,
+}
+
+/// Where a part lies: rotate by `angle` (counter-clockwise, radians), then move by `offset`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Placement {
+    /// Index into the parts.
+    pub part: usize,
+    /// Radians.
+    pub angle: f64,
+    /// Millimetres.
+    pub offset: Vec2,
+}
+
+/// One sheet of stock with the parts on it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sheet {
+    /// Width (x) and height (y) of the stock, mm; the origin is its lower left corner, y up.
+    pub size: Vec2,
+    /// The parts in sheet coordinates.
+    pub parts: Vec<Part>,
+    /// How each part came to lie there.
+    pub placements: Vec<Placement>,
+}
+
+/// The nested job: parts inside the stock less its margin, disjoint, at least `gap` apart.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sheets {
+    /// The sheets.
+    pub sheets: Vec<Sheet>,
+    /// Kept free along the edge of the stock, mm.
+    pub margin: f64,
+    /// Kept free between parts, mm.
+    pub gap: f64,
+    /// Parts that fit on no sheet, with their size.
+    pub unplaced: Vec<String>,
+}
+
+/// One continuous movement of the tool in its working position.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Toolpath {
+    /// What it does.
+    pub operation: Operation,
+    /// Points in sheet coordinates, mm; a closed path repeats its first point at the end.
+    pub points: Vec<Vec2>,
+    /// Name of the part.
+    pub part: String,
+}
+
+/// The toolpaths of one sheet in the order of work.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SheetPaths {
+    /// Size of the sheet, mm.
+    pub size: Vec2,
+    /// The paths.
+    pub paths: Vec<Toolpath>,
+}
+
+/// The whole job for a machine: every point inside its travel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Toolpaths {
+    /// Per sheet.
+    pub sheets: Vec<SheetPaths>,
+    /// Length with the tool working, mm.
+    pub cut_length: f64,
+    /// Length with the tool up or off, mm.
+    pub travel_length: f64,
+    /// Times the tool is lifted or switched off.
+    pub lifts: usize,
+    /// Estimated time, s.
+    pub seconds: f64,
+}

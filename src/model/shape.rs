@@ -1,0 +1,127 @@
+//! Nouns in space: the input, the developable mesh, the cut mesh and its flattening.
+use crate::{
+    geom::Vec2,
+    mesh::{FaceId, Field, HalfedgeId, Id, TriMesh, VertexId},
+};
+
+/// The input after repair, at its physical size in millimetres. Lives beside the coarse `TriMesh` because later stages
+/// measure against it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SourceMesh {
+    /// The surface.
+    pub mesh: TriMesh,
+    /// File name without folder, as the user wrote it.
+    pub file: String,
+    /// What was mended on the way in, one sentence each.
+    pub repairs: Vec<String>,
+}
+
+/// One round of the developability flow.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Round {
+    /// Name of the energy.
+    pub energy: String,
+    /// Vertices in this round.
+    pub vertices: usize,
+    /// Faces in this round.
+    pub faces: usize,
+    /// Developability energy before, without barrier and fidelity terms.
+    pub energy_start: f64,
+    /// Developability energy after.
+    pub energy_end: f64,
+    /// Norm of the gradient of the whole objective at the end, at mean edge length 1.
+    pub gradient_norm: f64,
+    /// Accepted steps.
+    pub iterations: usize,
+    /// Evaluations of the objective.
+    pub evaluations: usize,
+    /// Time taken (may differ between runs).
+    pub seconds: f64,
+    /// Why the round ended.
+    pub stopped: String,
+}
+
+/// A mesh that is piecewise developable as far as the flow could make it; no folded edge was accepted on the way.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DevelopableMesh {
+    /// The surface.
+    pub mesh: TriMesh,
+    /// Developability energy λ per vertex (0 on the boundary and at valence ≤ 3).
+    pub energy: Field<VertexId, f64>,
+    /// The promised largest distance to the source, mm.
+    pub max_deviation: f64,
+    /// History.
+    pub rounds: Vec<Round>,
+}
+
+/// A piece of the cut mesh: one connected component.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct PieceId(pub u32);
+
+impl Id for PieceId {
+    fn new(index: usize) -> Self {
+        Self(u32::try_from(index).expect("there are fewer pieces than faces"))
+    }
+    fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// What a piece is called.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Piece {
+    /// Short name printed on the part, unique in the job.
+    pub name: String,
+}
+
+/// A maximal chain of cut edges between the same two pieces (or one piece and itself).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Seam {
+    /// Label printed on both sides, unique in the job, from 1.
+    pub label: u32,
+    /// The two sides as boundary halfedges of the cut mesh. `sides[0][k]` and `sides[1][k]` come from the same edge of the
+    /// developed mesh; `sides[0]` is in the order of travel with its piece on the left, `sides[1]` therefore against it.
+    pub sides: [Vec<HalfedgeId>; 2],
+}
+
+/// A mesh opened along its seams: every component is a planar domain with a boundary, none is a closed surface.
+/// Face `f` is face `f` of the developed mesh; only vertices were duplicated.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CutMesh {
+    /// The opened mesh.
+    pub mesh: TriMesh,
+    /// The vertex of the developed mesh that each vertex came from.
+    pub origin: Field<VertexId, VertexId>,
+    /// Which piece a face belongs to.
+    pub piece_of: Field<FaceId, PieceId>,
+    /// The pieces, largest area first.
+    pub pieces: Field<PieceId, Piece>,
+    /// The seams; boundary edges of the developed mesh are in none.
+    pub seams: Vec<Seam>,
+    /// Energy above which a vertex was made a terminal of the cut.
+    pub tolerance: f64,
+    /// Number of those terminals.
+    pub seam_vertices: usize,
+}
+
+/// Two faces of one piece whose interiors intersect in the plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Overlap {
+    /// The faces.
+    pub faces: [FaceId; 2],
+    /// Area of the intersection, mm².
+    pub area: f64,
+}
+
+/// The pieces in the plane at physical size, each in a frame of its own.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Flattening {
+    /// Plane coordinates of the vertices of the cut mesh, mm.
+    pub uv: Field<VertexId, Vec2>,
+    /// Log conformal factor u of the flattening (0 on an isometric boundary).
+    pub log_factor: Field<VertexId, f64>,
+    /// Overlaps that remain.
+    pub overlaps: Vec<Overlap>,
+    /// The stretch that the material takes, as |log scale|.
+    pub stretch_limit: f64,
+}

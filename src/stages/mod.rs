@@ -1,0 +1,9 @@
+//! One folder per stage: `mod.rs` is the pure kernel, `stage.rs` its config table and adapter.
+
+pub mod coarsen;
+pub mod cut;
+pub mod develop;
+pub mod flatten;
+pub mod layout;
+pub mod nest;
+pub mod route;
