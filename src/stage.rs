@@ -44,13 +44,30 @@ impl Check {
     }
 }
 
-/// What a stage says about its result: its section of `report.json` and its checks.
+/// What a stage says about its result: its tables of `report.json` and its checks.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, serde::Deserialize)]
 pub struct Section {
-    /// Keys and values as CONTRACT.md names them.
-    pub values: Map<String, Value>,
+    /// Top-level keys of the report (CONTRACT.md) with their tables; most stages write one, flatten also `seams`.
+    pub tables: Map<String, Value>,
     /// Promises kept or missed.
     pub checks: Vec<Check>,
+}
+
+impl Section {
+    /// One table and no checks: `Section::new("coarsen", json!({ "faces": 800 }))`.
+    pub fn new(name: &str, table: Value) -> Self {
+        Self::default().table(name, table)
+    }
+    /// Adds a table.
+    pub fn table(mut self, name: &str, table: Value) -> Self {
+        self.tables.insert(name.into(), table);
+        self
+    }
+    /// Adds a check.
+    pub fn check(mut self, check: Check) -> Self {
+        self.checks.push(check);
+        self
+    }
 }
 
 /// A value of a table that has the right type but not a possible value.
