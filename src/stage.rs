@@ -219,7 +219,7 @@ pub struct StageDef {
     /// Kind made.
     pub makes: Kind,
     /// Parses the table.
-    pub prepare: fn(Spanned<DeTable<'static>>, &Profiles, u64) -> Result<Ready, TableError>,
+    pub prepare: for<'t> fn(Spanned<DeTable<'t>>, &Profiles, u64) -> Result<Ready, TableError>,
 }
 
 impl StageDef {
@@ -234,7 +234,7 @@ impl StageDef {
     }
 }
 
-fn prepare<S: Stage>(table: Spanned<DeTable<'static>>, profiles: &Profiles, seed: u64) -> Result<Ready, TableError> {
+fn prepare<S: Stage>(table: Spanned<DeTable<'_>>, profiles: &Profiles, seed: u64) -> Result<Ready, TableError> {
     let stage = S::deserialize(toml::de::Deserializer::from(table))?;
     stage.check()?;
     let profile = S::profile(profiles);
