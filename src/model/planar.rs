@@ -35,6 +35,20 @@ impl Operation {
         Self::CutOutside,
     ];
 
+    /// Its name in profiles and configs.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::CutOutside => "cut-outside",
+            Self::CutInside => "cut-inside",
+            Self::ScoreMountain => "score-mountain",
+            Self::ScoreValley => "score-valley",
+            Self::Engrave => "engrave",
+            Self::Text => "text",
+            Self::Registration => "registration",
+            Self::Sew => "sew",
+        }
+    }
+
     /// Whether it goes through the material.
     pub fn is_cut(self) -> bool {
         matches!(self, Self::CutInside | Self::CutOutside)

@@ -1,20 +1,34 @@
 //! What cuts it.
-use std::collections::BTreeMap;
-
 use serde::{Deserialize, Serialize};
 
-use super::Length;
+use super::{
+    Length,
+    check::{Fault, Rule, at_least_zero, positive, within},
+    operations::{Order, PerOperation},
+};
+use crate::model::Operation;
 
 /// Kind of machine.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MachineKind {
     /// CO₂ or diode laser.
     Laser,
     /// Cutting plotter with a trailing blade.
     DragKnife,
-    /// Draws only.
+    /// Draws only: what others cut, it draws.
     Pen,
+}
+
+impl MachineKind {
+    /// Its name in profiles.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Laser => "laser",
+            Self::DragKnife => "drag-knife",
+            Self::Pen => "pen",
+        }
+    }
 }
 
 /// An sRGB colour, written "#rrggbb".
@@ -39,31 +53,119 @@ impl From<Color> for String {
 }
 
 /// How an operation appears in drawings.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Layer {
     /// Layer name in SVG and DXF.
     pub name: String,
-    /// Stroke colour.
+    /// Stroke colour. Software that maps settings by colour tells layers apart by nothing else.
     pub color: Color,
 }
 
-/// How a machine carries out an operation.
+/// How a machine carries out an operation, after the material has had its say.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tool {
     /// Feed rate, mm/min.
     pub feed: f64,
-    /// Laser power or knife force, as a share of the machine's range.
-    #[serde(default)]
+    /// Laser power as a share of the machine's range, in [0, 1]. Not read by other heads.
+    #[serde(default = "full")]
     pub power: f64,
     /// How often the path is run.
-    #[serde(default = "one")]
+    #[serde(default = "once")]
     pub passes: u32,
+    /// Width of material that the tool takes away.
+    #[serde(default = "no_kerf")]
+    pub kerf: Length,
+    /// Where the head goes to work, in the unit of [`Head`]'s `down`; the head's own value when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub down: Option<f64>,
+    /// Which tool is in the holder; the program pauses where the number changes.
+    #[serde(default = "once")]
+    pub number: u32,
 }
 
-fn one() -> u32 {
+fn full() -> f64 {
+    1.0
+}
+
+fn once() -> u32 {
     1
+}
+
+fn no_kerf() -> Length {
+    Length::mm(0.0)
+}
+
+/// How the tool is brought to work and back.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Head {
+    /// A beam, switched by the S word. The board needs laser mode (`$32=1`), or it stops at every change of S.
+    Laser {
+        /// S word of full power (`$30`).
+        power_max: f64,
+        /// M4, where the board lowers the power with the speed in corners; otherwise M3.
+        dynamic: bool,
+    },
+    /// A servo on the spindle's PWM, moved by `M3 S…`. The board needs `$32=0`.
+    Servo {
+        /// S word with the tool lifted.
+        up: f64,
+        /// S word with the tool at work.
+        down: f64,
+        /// Seconds until the lifted tool is clear.
+        dwell_up: f64,
+        /// Seconds until the lowered tool rests on the material.
+        dwell_down: f64,
+    },
+    /// A Z axis; Z = 0 is the surface of the material.
+    Z {
+        /// Height with the tool lifted, mm.
+        up: f64,
+        /// Height with the tool at work, mm.
+        down: f64,
+        /// Feed rate of the way down, mm/min.
+        plunge: f64,
+        /// Seconds to wait at the bottom.
+        dwell: f64,
+    },
+}
+
+impl Head {
+    /// What `$32` must be on a GRBL-type board; `None` where it does not matter.
+    pub fn laser_mode(&self) -> Option<bool> {
+        match self {
+            Self::Laser { .. } => Some(true),
+            Self::Servo { .. } => Some(false),
+            Self::Z { .. } => None,
+        }
+    }
+}
+
+/// The corner of the sheet where the machine has its work zero.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Corner {
+    /// x to the right, y away from the operator.
+    #[default]
+    LowerLeft,
+    /// Front right.
+    LowerRight,
+    /// Back left.
+    UpperLeft,
+    /// Back right.
+    UpperRight,
+}
+
+/// A trailing blade.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Knife {
+    /// Distance of the cutting tip behind the axis it turns about.
+    pub offset: Length,
+    /// How far a closed contour is cut past its start.
+    pub overcut: Length,
 }
 
 /// A machine profile (`profiles/machines/NAME.toml`). Layers and tools are keyed by operation in kebab case
@@ -71,22 +173,139 @@ fn one() -> u32 {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Machine {
+    /// Name of the profile: the built-in name, or the file name without its ending.
+    #[serde(skip)]
+    pub name: String,
     /// For people.
     pub title: String,
     /// Kind of machine.
     pub kind: MachineKind,
     /// Travel in x and y.
     pub bed: [Length; 2],
+    /// Where the work zero is.
+    #[serde(default)]
+    pub origin: Corner,
+    /// Whether the machine's y axis points towards the operator.
+    #[serde(default)]
+    pub invert_y: bool,
     /// Rapid traverse, mm/min.
     pub rapid: f64,
     /// Acceleration, mm/s².
     pub acceleration: f64,
-    /// Range of the S word that full power maps to.
-    pub spindle_max: f64,
+    /// Decimals of a millimetre in G-code.
+    pub decimals: usize,
     /// Formats written when the config names none.
     pub formats: Vec<String>,
-    /// How drawings show each operation.
-    pub layers: BTreeMap<String, Layer>,
+    /// Line width in drawings.
+    pub hairline: Length,
+    /// How the tool is switched.
+    pub head: Head,
+    /// The blade of a drag knife.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub knife: Option<Knife>,
+    /// Order of work; the usual one ([`Operation::ALL`]) when absent.
+    #[serde(default)]
+    pub order: Order,
+    /// How drawings show each operation; complete.
+    pub layers: PerOperation<Layer>,
     /// How the machine does each operation; one that is missing is not done by this machine.
-    pub tools: BTreeMap<String, Tool>,
+    pub tools: PerOperation<Tool>,
+}
+
+impl Rule for Machine {
+    fn check(&self) -> Result<(), Fault> {
+        positive("bed", self.bed[0].mm)?;
+        positive("bed", self.bed[1].mm)?;
+        positive("rapid", self.rapid)?;
+        positive("acceleration", self.acceleration)?;
+        positive("hairline", self.hairline.mm)?;
+        within("decimals", self.decimals as f64, 1.0, 6.0)?;
+        if let Some(operation) = self.order.fault() {
+            return Err(Fault::new("order", format!("must name `{}` exactly once", operation.name())));
+        }
+        self.check_head()?;
+        self.check_layers()?;
+        for (operation, tool) in self.tools.iter() {
+            let key = |field: &str| format!("tools.{}.{field}", operation.name());
+            positive(&key("feed"), tool.feed)?;
+            within(&key("power"), tool.power, 0.0, 1.0)?;
+            within(&key("passes"), tool.passes.into(), 1.0, 100.0)?;
+            at_least_zero(&key("kerf"), tool.kerf.mm)?;
+            within(&key("number"), tool.number.into(), 1.0, 99.0)?;
+            if let Some(down) = tool.down.filter(|it| !it.is_finite()) {
+                return Err(Fault::new(&key("down"), format!("must be a finite number, not {down}")));
+            }
+        }
+        Ok(())
+    }
+
+    fn rename(&mut self, name: String) {
+        self.name = name;
+    }
+}
+
+impl Machine {
+    fn check_head(&self) -> Result<(), Fault> {
+        let laser = matches!(self.head, Head::Laser { .. });
+        if laser != (self.kind == MachineKind::Laser) {
+            let message =
+                format!("does not fit `kind = \"{}\"`: a laser has [head.laser], others do not", self.kind.name());
+            return Err(Fault::new("head", message));
+        }
+        match self.head {
+            Head::Laser { power_max, .. } => positive("head.laser.power_max", power_max)?,
+            Head::Servo { up, down, dwell_up, dwell_down } => {
+                at_least_zero("head.servo.up", up)?;
+                at_least_zero("head.servo.down", down)?;
+                within("head.servo.dwell_up", dwell_up, 0.0, 10.0)?;
+                within("head.servo.dwell_down", dwell_down, 0.0, 10.0)?;
+                if up == down {
+                    return Err(Fault::new("head.servo.down", format!("must differ from `up`, which is {up} too")));
+                }
+            }
+            Head::Z { up, down, plunge, dwell } => {
+                positive("head.z.up", up)?;
+                within("head.z.down", down, -1000.0, 0.0)?;
+                positive("head.z.plunge", plunge)?;
+                within("head.z.dwell", dwell, 0.0, 10.0)?;
+            }
+        }
+        match (self.knife, self.kind) {
+            (Some(knife), MachineKind::DragKnife) => {
+                at_least_zero("knife.offset", knife.offset.mm)?;
+                at_least_zero("knife.overcut", knife.overcut.mm)
+            }
+            (None, MachineKind::DragKnife) => {
+                Err(Fault::new("kind", "drag-knife needs a table [knife] with `offset` and `overcut`"))
+            }
+            (Some(_), _) => Err(Fault::new("knife", format!("does not fit `kind = \"{}\"`", self.kind.name()))),
+            (None, _) => Ok(()),
+        }
+    }
+
+    fn check_layers(&self) -> Result<(), Fault> {
+        for operation in Operation::ALL {
+            let key = format!("layers.{}", operation.name());
+            let Some(layer) = self.layers.get(operation) else {
+                return Err(Fault::new("layers", format!("must name a layer for `{}`", operation.name())));
+            };
+            let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+            if layer.name.is_empty() || layer.name.len() > 31 || !layer.name.chars().all(plain) {
+                let message = format!("must be 1 to 31 letters, digits, `_` or `-`, not `{}`", layer.name);
+                return Err(Fault::new(&format!("{key}.name"), message));
+            }
+            for (other, twin) in self.layers.iter() {
+                // DXF readers take layer names without regard to case.
+                if twin.name.eq_ignore_ascii_case(&layer.name) != (twin.color == layer.color) {
+                    let message = format!(
+                        "and `{}` must share both name and colour or neither: software that maps by colour could not \
+                         tell them apart",
+                        other.name()
+                    );
+                    return Err(Fault::new(&key, message));
+                }
+            }
+        }
+        Ok(())
+    }
 }

@@ -1,12 +1,59 @@
 //! What is cut.
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
-use super::Length;
+use super::{
+    Length, Machine, MachineKind, Tool,
+    check::{Fault, Rule, at_least_zero, positive, within},
+    operations::PerOperation,
+};
+use crate::model::Operation;
+
+/// Values of a [`Tool`] that a material asks for; what is absent stays as the machine has it.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ToolPatch {
+    /// Feed rate, mm/min.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub feed: Option<f64>,
+    /// Share of the laser's range.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub power: Option<f64>,
+    /// How often the path is run.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub passes: Option<u32>,
+    /// Width of material that the tool takes away.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kerf: Option<Length>,
+    /// Where the head goes to work.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub down: Option<f64>,
+}
+
+impl ToolPatch {
+    /// Writes what is present into `tool`, save fields that `kept` names.
+    pub(super) fn apply(&self, tool: &mut Tool, kept: impl Fn(&str) -> bool) {
+        fn set<T: Copy>(slot: &mut T, value: Option<T>, kept: bool) {
+            if let (Some(value), false) = (value, kept) {
+                *slot = value;
+            }
+        }
+        set(&mut tool.feed, self.feed, kept("feed"));
+        set(&mut tool.power, self.power, kept("power"));
+        set(&mut tool.passes, self.passes, kept("passes"));
+        set(&mut tool.kerf, self.kerf, kept("kerf"));
+        set(&mut tool.down, self.down.map(Some), kept("down"));
+    }
+}
 
 /// A material profile (`profiles/materials/NAME.toml`). Every figure in the built-in ones names its source.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Material {
+    /// Name of the profile: the built-in name, or the file name without its ending. Part of the names of files.
+    #[serde(skip)]
+    pub name: String,
     /// For people: "Paper, 200 g/m²".
     pub title: String,
     /// Thickness of the sheet.
@@ -19,4 +66,55 @@ pub struct Material {
     pub gap: Length,
     /// How far it may be stretched or squeezed, as |log scale| (0.005 = half a percent).
     pub stretch: f64,
+    /// The kinds of machine that can work it, each with the settings it needs there.
+    pub process: BTreeMap<MachineKind, PerOperation<ToolPatch>>,
+}
+
+impl Rule for Material {
+    fn check(&self) -> Result<(), Fault> {
+        positive("thickness", self.thickness.mm)?;
+        positive("sheet", self.sheet[0].mm)?;
+        positive("sheet", self.sheet[1].mm)?;
+        at_least_zero("margin", self.margin.mm)?;
+        at_least_zero("gap", self.gap.mm)?;
+        within("stretch", self.stretch, 0.0, 1.0)?;
+        let short = self.sheet[0].mm.min(self.sheet[1].mm);
+        if 2.0 * self.margin.mm >= short {
+            let message = format!("of {} mm on both sides leaves nothing of a sheet {short} mm wide", self.margin.mm);
+            return Err(Fault::new("margin", message));
+        }
+        if self.process.is_empty() {
+            return Err(Fault::new("process", "must name at least one kind of machine: laser, drag-knife, pen"));
+        }
+        Ok(())
+    }
+
+    fn rename(&mut self, name: String) {
+        self.name = name;
+    }
+}
+
+impl Material {
+    /// Writes the settings that this material needs into the tools of `machine`, save those that `kept` names by
+    /// operation and field.
+    pub(super) fn prepare(&self, machine: &mut Machine, kept: impl Fn(Operation, &str) -> bool) -> Result<(), Fault> {
+        let Some(patches) = self.process.get(&machine.kind) else {
+            let kinds: Vec<&str> = self.process.keys().map(|it| it.name()).collect();
+            let message = format!(
+                "has no [process.{kind}], and `{machine}` is a machine of that kind: {material} is worked with {kinds}; \
+                 choose another machine, or add an empty table [process.{kind}] to try it",
+                kind = machine.kind.name(),
+                machine = machine.name,
+                material = self.name,
+                kinds = kinds.join(", "),
+            );
+            return Err(Fault::new("process", message));
+        };
+        for (operation, patch) in patches.iter() {
+            if let Some(tool) = machine.tools.get_mut(operation) {
+                patch.apply(tool, |field| kept(operation, field));
+            }
+        }
+        Ok(())
+    }
 }

@@ -1,11 +1,16 @@
 //! Machine and material profiles: built into the binary, overridable by path and key by key in the config.
 
+mod check;
+mod load;
 mod machine;
 mod material;
+mod operations;
 mod units;
 
-pub use machine::{Color, Layer, Machine, MachineKind, Tool};
-pub use material::Material;
+pub use load::{BuiltIn, MACHINES, MATERIALS, ProfileError, load_machine, load_material};
+pub use machine::{Color, Corner, Head, Knife, Layer, Machine, MachineKind, Tool};
+pub use material::{Material, ToolPatch};
+pub use operations::{Order, PerOperation};
 pub use units::{Angle, Extent, Length};
 
 /// The two profiles of a job.
