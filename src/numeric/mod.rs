@@ -2,5 +2,6 @@
 //! computation reports progress and learns that it should stop.
 
 mod monitor;
+pub mod sparse;
 
 pub use monitor::{Cancelled, Monitor};
