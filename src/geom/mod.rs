@@ -1,5 +1,12 @@
 //! 2-D and 3-D primitives, polygons, predicates. Imports nothing of ours.
 
+pub mod boolean;
+pub mod outline;
+pub mod polygon;
+pub mod polyline;
+pub mod segment_tree;
+pub mod stroke_font;
+
 /// A point or vector in space, millimetres.
 pub type Vec3 = nalgebra::Vector3<f64>;
 /// A point or vector in the plane, millimetres.
@@ -79,6 +86,24 @@ impl Box2 {
     /// Extent along each axis.
     pub fn size(&self) -> Vec2 {
         self.max - self.min
+    }
+}
+
+impl Box2 {
+    /// Whether two closed boxes share a point.
+    pub fn touches(&self, other: &Self) -> bool {
+        self.min.x <= other.max.x && other.min.x <= self.max.x && self.min.y <= other.max.y && other.min.y <= self.max.y
+    }
+
+    /// Distance of two boxes, mm; 0 when they touch.
+    pub fn distance(&self, other: &Self) -> f64 {
+        let apart = |axis: usize| (other.min[axis] - self.max[axis]).max(self.min[axis] - other.max[axis]).max(0.0);
+        apart(0).hypot(apart(1))
+    }
+
+    /// The box with `margin` added on every side.
+    pub fn grown(&self, margin: f64) -> Self {
+        Self { min: self.min.add_scalar(-margin), max: self.max.add_scalar(margin) }
     }
 }
 

@@ -35,7 +35,7 @@ impl Operation {
         Self::CutOutside,
     ];
 
-    /// Its name in profiles and configs.
+    /// Its name in profiles, configs and reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::CutOutside => "cut-outside",
@@ -49,6 +49,10 @@ impl Operation {
         }
     }
 
+    /// The operation of that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|it| it.name() == name)
+    }
     /// Whether it goes through the material.
     pub fn is_cut(self) -> bool {
         matches!(self, Self::CutInside | Self::CutOutside)
@@ -78,6 +82,17 @@ pub struct Part {
     pub marks: Vec<Mark>,
 }
 
+/// A slit whose two sides lay closer together than a machine can cut apart, opened by moving both sides inwards.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Opening {
+    /// Name of the part.
+    pub part: String,
+    /// Width it was opened to, mm; each side moved by half of it.
+    pub width: f64,
+    /// Area that the part lost, mm².
+    pub area: f64,
+}
+
 /// All parts of a job.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Parts {
@@ -85,6 +100,10 @@ pub struct Parts {
     pub parts: Vec<Part>,
     /// Pieces that could not become parts with a simple outline, with the reason.
     pub refused: Vec<String>,
+    /// Slits that were opened, one entry per part.
+    pub openings: Vec<Opening>,
+    /// Lettering that found no room in its part: "seam 12 in part B".
+    pub unlabelled: Vec<String>,
 }
 
 /// Where a part lies: rotate by `angle` (counter-clockwise, radians), then move by `offset`.
@@ -122,7 +141,8 @@ pub struct Sheets {
     pub unplaced: Vec<String>,
 }
 
-/// One continuous movement of the tool in its working position.
+/// One continuous movement of the tool in its working position. Several passes are already in it: a closed path goes
+/// round that often without lifting, an open one comes as that many toolpaths.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Toolpath {
     /// What it does.
@@ -155,4 +175,6 @@ pub struct Toolpaths {
     pub lifts: usize,
     /// Estimated time, s.
     pub seconds: f64,
+    /// Operations that the machine does not do, with the number of paths that were therefore left out.
+    pub left_out: Vec<(Operation, usize)>,
 }

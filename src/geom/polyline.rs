@@ -1,0 +1,166 @@
+//! Polylines by arc length, and removal of points that carry no shape.
+use super::{Vec2, polygon::point_segment_distance};
+
+/// A polyline measured along itself.
+#[derive(Debug, Clone)]
+pub struct ArcLength {
+    points: Vec<Vec2>,
+    along: Vec<f64>,
+}
+
+impl ArcLength {
+    /// Measures an open polyline; `None` when it has fewer than two points or no length.
+    pub fn new(points: Vec<Vec2>) -> Option<Self> {
+        let mut along = vec![0.0];
+        for w in points.windows(2) {
+            along.push(along[along.len() - 1] + (w[1] - w[0]).norm());
+        }
+        (along[along.len() - 1] > 0.0).then_some(Self { points, along })
+    }
+
+    /// Length, mm.
+    pub fn length(&self) -> f64 {
+        self.along[self.along.len() - 1]
+    }
+
+    /// Distance of every point from the start, mm.
+    pub fn along(&self) -> &[f64] {
+        &self.along
+    }
+
+    /// Point at distance `s` from the start (clamped to the line) and the unit direction of travel there.
+    pub fn at(&self, s: f64) -> (Vec2, Vec2) {
+        let last = self.points.len() - 1;
+        // The first segment that ends at or after `s`; segments without length are stepped over.
+        let mut k = self.along.partition_point(|&it| it < s).clamp(1, last);
+        while k < last && self.along[k] == self.along[k - 1] {
+            k += 1;
+        }
+        while k > 1 && self.along[k] == self.along[k - 1] {
+            k -= 1;
+        }
+        let (a, b) = (self.points[k - 1], self.points[k]);
+        let length = self.along[k] - self.along[k - 1];
+        let t = ((s - self.along[k - 1]) / length).clamp(0.0, 1.0);
+        (a + (b - a) * t, (b - a) / length)
+    }
+}
+
+/// Indices that remain when points nearer than `distance` to the last one kept are dropped. `keep` marks points to prefer:
+/// where two are too near, a kept one drops one that is not. A closed line also compares its end with its start.
+pub fn merge_near(points: &[Vec2], closed: bool, distance: f64, keep: &dyn Fn(usize) -> bool) -> Vec<usize> {
+    let mut kept: Vec<usize> = Vec::with_capacity(points.len());
+    for i in 0..points.len() {
+        match kept.last() {
+            Some(&last) if (points[i] - points[last]).norm() < distance => {
+                if keep(i) && !keep(last) {
+                    kept.pop();
+                    kept.push(i);
+                }
+            }
+            _ => kept.push(i),
+        }
+    }
+    while let [first, .., last] = kept[..] {
+        if !closed || (points[first] - points[last]).norm() >= distance {
+            break;
+        }
+        if keep(last) && !keep(first) {
+            kept.remove(0);
+        } else {
+            kept.pop();
+        }
+    }
+    kept
+}
+
+/// Indices that remain when points within `tolerance` of the chord of their neighbours are dropped (Douglas and Peucker
+/// 1973); points marked by `keep` and the ends of an open line always remain. A closed line without marks starts from
+/// its two points farthest apart along the scan, so that the result does not depend on where it begins.
+pub fn simplify(points: &[Vec2], closed: bool, tolerance: f64, keep: &dyn Fn(usize) -> bool) -> Vec<usize> {
+    let n = points.len();
+    if n < 3 {
+        return (0..n).collect();
+    }
+    let mut fixed: Vec<usize> = (0..n).filter(|&i| keep(i) || (!closed && (i == 0 || i == n - 1))).collect();
+    if closed && fixed.len() < 2 {
+        let farthest = |from: usize| {
+            let distance = |&i: &usize| (points[i] - points[from]).norm();
+            (0..n).max_by(|i, j| distance(i).total_cmp(&distance(j)).then(j.cmp(i))).expect("there are points")
+        };
+        let first = fixed.first().copied().unwrap_or_else(|| farthest(farthest(0)));
+        fixed = vec![first, farthest(first)];
+        fixed.sort_unstable();
+    }
+    let mut used = vec![false; n];
+    for &i in &fixed {
+        used[i] = true;
+    }
+    let mut spans: Vec<(usize, usize)> = fixed.windows(2).map(|w| (w[0], w[1])).collect();
+    if closed {
+        spans.push((fixed[fixed.len() - 1], fixed[0] + n));
+    }
+    while let Some((from, to)) = spans.pop() {
+        let (a, b) = (points[from % n], points[to % n]);
+        let farthest = (from + 1..to)
+            .map(|i| (point_segment_distance(points[i % n], a, b), i))
+            .fold((tolerance, usize::MAX), |best, it| if it.0 > best.0 { it } else { best });
+        if farthest.1 != usize::MAX {
+            used[farthest.1 % n] = true;
+            spans.extend([(from, farthest.1), (farthest.1, to)]);
+        }
+    }
+    (0..n).filter(|&i| used[i]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn v(x: f64, y: f64) -> Vec2 {
+        Vec2::new(x, y)
+    }
+
+    #[test]
+    fn walks_by_arc_length_over_repeated_points() {
+        let line = ArcLength::new(vec![v(0., 0.), v(0., 0.), v(3., 0.), v(3., 0.), v(3., 4.), v(3., 4.)]).unwrap();
+        assert_eq!(line.length(), 7.0);
+        for (s, p, d) in [
+            (-1.0, v(0., 0.), v(1., 0.)),
+            (0.0, v(0., 0.), v(1., 0.)),
+            (3.0, v(3., 0.), v(1., 0.)),
+            (5.0, v(3., 2.), v(0., 1.)),
+            (9.0, v(3., 4.), v(0., 1.)),
+        ] {
+            assert_eq!(line.at(s), (p, d), "at {s}");
+        }
+        assert!(ArcLength::new(vec![v(1., 1.), v(1., 1.)]).is_none());
+    }
+
+    #[test]
+    fn merging_prefers_marked_points() {
+        let points = [v(0., 0.), v(1., 0.), v(1.01, 0.), v(1., 1.), v(0., 1.), v(0., 0.01)];
+        assert_eq!(merge_near(&points, true, 0.02, &|_| false), [0, 1, 3, 4]);
+        assert_eq!(merge_near(&points, true, 0.02, &|i| i == 2 || i == 5), [2, 3, 4, 5]);
+        assert_eq!(merge_near(&points, false, 0.02, &|_| false), [0, 1, 3, 4, 5]);
+    }
+
+    #[test]
+    fn simplified_lines_stay_within_the_tolerance() {
+        let circle: Vec<Vec2> =
+            (0..720).map(|i| (i as f64).to_radians() / 2.0).map(|t| v(t.cos(), t.sin()) * 50.0).collect();
+        let kept = simplify(&circle, true, 0.05, &|i| i == 17);
+        assert!(kept.contains(&17) && (70..140).contains(&kept.len()), "{}", kept.len());
+        for (k, &from) in kept.iter().enumerate() {
+            let to = kept[(k + 1) % kept.len()];
+            let span = (to + 720 - from) % 720;
+            for i in 0..span {
+                let p = circle[(from + i) % 720];
+                assert!(point_segment_distance(p, circle[from], circle[to]) <= 0.05);
+            }
+        }
+        let square = [v(0., 0.), v(1., 0.), v(2., 0.), v(2., 2.), v(1., 2.), v(0., 2.), v(0., 1.)];
+        assert_eq!(simplify(&square, true, 1e-9, &|_| false), [0, 2, 3, 5]);
+        assert_eq!(simplify(&square, true, 1e-9, &|i| i == 1), [0, 1, 2, 3, 5]);
+    }
+}
