@@ -131,3 +131,43 @@ pub fn polyline_length(points: &[Vec2], closed: bool) -> f64 {
 pub fn angle_between(a: Vec3, b: Vec3) -> f64 {
     a.cross(&b).norm().atan2(a.dot(&b))
 }
+
+/// The point of a triangle closest to `p`: its barycentric coordinates (not negative, sum 1) and its squared distance.
+/// Works for degenerate triangles too.
+///
+/// Each side's half space is tested by the area that `p`'s projection spans with it; outside, the answer lies on a side.
+pub fn closest_on_triangle(p: &Vec3, corners: &[Vec3; 3]) -> ([f64; 3], f64) {
+    /// Below this ratio of doubled area to squared length, the areas that tell sides apart drown in rounding, and the
+    /// triangle is nowhere farther than this from its sides.
+    const SLIVER: f64 = 1e-8;
+    let [a, b, c] = corners;
+    let (ab, ac, ap) = (b - a, c - a, p - a);
+    // Gram determinants would be shorter but lose twice the digits on thin triangles.
+    let normal = ab.cross(&ac);
+    let area = normal.norm_squared();
+    let v = ap.cross(&ac).dot(&normal);
+    let w = ab.cross(&ap).dot(&normal);
+    let u = area - v - w;
+    if u >= 0.0 && v >= 0.0 && w >= 0.0 && area > (SLIVER * ab.norm_squared().max(ac.norm_squared())).powi(2) {
+        let (v, w) = (v / area, w / area);
+        let u = (1.0 - v - w).max(0.0);
+        return ([u, v, w], (ap - ab * v - ac * w).norm_squared());
+    }
+    let (s, on_ab) = closest_on_segment(&ap, &ab);
+    let (t, on_ac) = closest_on_segment(&ap, &ac);
+    let (r, on_bc) = closest_on_segment(&(p - b), &(c - b));
+    if on_ab <= on_ac && on_ab <= on_bc {
+        ([1.0 - s, s, 0.0], on_ab)
+    } else if on_ac <= on_bc {
+        ([1.0 - t, 0.0, t], on_ac)
+    } else {
+        ([0.0, 1.0 - r, r], on_bc)
+    }
+}
+
+/// The parameter in [0, 1] of the point of the segment from 0 to `edge` closest to `p`, and its squared distance.
+pub fn closest_on_segment(p: &Vec3, edge: &Vec3) -> (f64, f64) {
+    let length = edge.norm_squared();
+    let t = if length > 0.0 { (p.dot(edge) / length).clamp(0.0, 1.0) } else { 0.0 };
+    (t, (p - edge * t).norm_squared())
+}

@@ -3,9 +3,11 @@
 //! The three halfedges of face `f` are `3f`, `3f+1`, `3f+2`; halfedge `3f+k` runs from corner `k` to corner `k+1`.
 //! So `next`, `previous` and `face` are arithmetic, and only `twin` is stored. Boundary halfedges have no twin.
 
+mod bvh;
 mod ids;
 mod trimesh;
 
+pub use bvh::{Bvh, Closest};
 pub use ids::{EdgeId, FaceId, Field, HalfedgeId, Id, VertexId};
 pub use trimesh::{MeshError, TriMesh};
 
