@@ -203,6 +203,11 @@ impl Bvh {
         points.par_iter().with_min_len(BATCH).map(|&p| self.closest(p)).collect()
     }
 
+    /// Corners of a face, as of the last refit.
+    pub fn face_positions(&self, face: FaceId) -> [Vec3; 3] {
+        self.corners[self.slots[face.index()] as usize]
+    }
+
     fn answer(&self, p: Vec3, slot: usize, barycentric: [f64; 3]) -> Closest {
         let [a, b, c] = self.corners[slot];
         let point = a * barycentric[0] + b * barycentric[1] + c * barycentric[2];

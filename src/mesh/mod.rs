@@ -4,6 +4,7 @@
 //! So `next`, `previous` and `face` are arithmetic, and only `twin` is stored. Boundary halfedges have no twin.
 
 mod bvh;
+pub mod distance;
 mod ids;
 mod trimesh;
 
