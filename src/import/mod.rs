@@ -1,1 +1,3 @@
-//! import
+//! Readers: meshes here, drawings and machine programs beside them.
+
+pub mod mesh;
