@@ -1,4 +1,6 @@
 //! Polylines by arc length, and removal of points that carry no shape.
+use std::cmp::Ordering;
+
 use super::{Vec2, polygon::point_segment_distance};
 
 /// A polyline measured along itself.
@@ -46,30 +48,35 @@ impl ArcLength {
     }
 }
 
-/// Indices that remain when points nearer than `distance` to the last one kept are dropped. `keep` marks points to prefer:
-/// where two are too near, a kept one drops one that is not. A closed line also compares its end with its start.
+/// Indices that remain when neighbours are at least `distance` apart: of two that are nearer, the one goes that lies nearer
+/// to the line between its own neighbours, but never one that `keep` marks before one that it does not, and never an end
+/// of an open line.
 pub fn merge_near(points: &[Vec2], closed: bool, distance: f64, keep: &dyn Fn(usize) -> bool) -> Vec<usize> {
-    let mut kept: Vec<usize> = Vec::with_capacity(points.len());
-    for i in 0..points.len() {
-        match kept.last() {
-            Some(&last) if (points[i] - points[last]).norm() < distance => {
-                if keep(i) && !keep(last) {
-                    kept.pop();
-                    kept.push(i);
-                }
-            }
-            _ => kept.push(i),
+    let mut kept: Vec<usize> = (0..points.len()).collect();
+    let mut k = 0;
+    while k < kept.len() && kept.len() > 2 {
+        let n = kept.len();
+        let next = (k + 1) % n;
+        let apart = (points[kept[k]] - points[kept[next]]).norm() >= distance;
+        if apart || (!closed && next == 0) {
+            k += 1;
+            continue;
         }
-    }
-    while let [first, .., last] = kept[..] {
-        if !closed || (points[first] - points[last]).norm() >= distance {
-            break;
-        }
-        if keep(last) && !keep(first) {
-            kept.remove(0);
-        } else {
-            kept.pop();
-        }
+        let end = |at: usize| !closed && (at == 0 || at == n - 1);
+        let shape = |at: usize| {
+            let [a, p, b] = [(at + n - 1) % n, at, (at + 1) % n].map(|i| points[kept[i]]);
+            point_segment_distance(p, a, b)
+        };
+        let rank = |at: usize| (end(at), keep(kept[at]));
+        let first_goes = match rank(k).cmp(&rank(next)) {
+            Ordering::Less => true,
+            Ordering::Greater => false,
+            Ordering::Equal => shape(k) < shape(next),
+        };
+        let loser = if first_goes { k } else { next };
+        kept.remove(loser);
+        // The neighbour before may be too near now.
+        k = k.saturating_sub(1);
     }
     kept
 }
@@ -140,9 +147,11 @@ mod tests {
     #[test]
     fn merging_prefers_marked_points() {
         let points = [v(0., 0.), v(1., 0.), v(1.01, 0.), v(1., 1.), v(0., 1.), v(0., 0.01)];
-        assert_eq!(merge_near(&points, true, 0.02, &|_| false), [0, 1, 3, 4]);
-        assert_eq!(merge_near(&points, true, 0.02, &|i| i == 2 || i == 5), [2, 3, 4, 5]);
-        assert_eq!(merge_near(&points, false, 0.02, &|_| false), [0, 1, 3, 4, 5]);
+        assert_eq!(merge_near(&points, true, 0.02, &|_| false), [0, 2, 3, 4]);
+        assert_eq!(merge_near(&points, true, 0.02, &|i| i == 1 || i == 5), [1, 3, 4, 5]);
+        assert_eq!(merge_near(&points, true, 0.02, &|i| i == 1 || i == 2), [0, 2, 3, 4]);
+        assert_eq!(merge_near(&points, false, 0.02, &|_| false), [0, 2, 3, 4, 5]);
+        assert_eq!(merge_near(&[v(0., 0.), v(0., 0.001)], true, 0.02, &|_| false).len(), 2);
     }
 
     #[test]

@@ -1,0 +1,122 @@
+//! The `[layout]` table.
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use super::{LayoutError, Options, layout};
+use crate::{
+    geom::outline::check_outline,
+    model::{CutMesh, Flattening, Operation, Parts},
+    profile::{Angle, Length, Profiles},
+    stage::{Check, Cx, KeyError, Section, Stage},
+};
+
+/// How pieces become parts.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LayoutStage {
+    /// Points of an outline nearer than this are merged; shops refuse shorter segments.
+    pub merge: Length,
+    /// Slits narrower than `merge` are opened to this width.
+    pub slit: Length,
+    /// Folds under this angle are hidden.
+    pub fold_angle: Angle,
+    /// Height of the numbers along seams.
+    pub label: Length,
+    /// Height of the piece names.
+    pub name: Length,
+    /// Lettering is made smaller where it must, down to this.
+    pub least_text: Length,
+    /// Length of the match marks.
+    pub tick: Length,
+    /// Distance of the match marks along a seam, about.
+    pub tick_spacing: Length,
+}
+
+impl Default for LayoutStage {
+    fn default() -> Self {
+        Self {
+            merge: Length::mm(0.02),
+            slit: Length::mm(0.1),
+            fold_angle: Angle::degrees(15.0),
+            label: Length::mm(3.5),
+            name: Length::mm(7.0),
+            least_text: Length::mm(1.4),
+            tick: Length::mm(2.5),
+            tick_spacing: Length::mm(25.0),
+        }
+    }
+}
+
+impl Stage for LayoutStage {
+    const NAME: &'static str = "layout";
+    const VERSION: u32 = 1;
+    type Input = (CutMesh, Flattening);
+    type Output = Parts;
+    type Profile = ();
+    type Error = LayoutError;
+
+    fn profile(_: &Profiles) {}
+
+    fn check(&self) -> Result<(), KeyError> {
+        KeyError::range("merge", self.merge.mm, 1e-4, 1.0)?;
+        // Merging moves points by up to `merge`, so a slit must be wider than that on both sides.
+        KeyError::range("slit", self.slit.mm, 2.0 * self.merge.mm, 5.0)?;
+        KeyError::range("fold_angle", self.fold_angle.radians.to_degrees(), 0.1, 180.0)?;
+        KeyError::range("least_text", self.least_text.mm, 0.2, 100.0)?;
+        KeyError::range("label", self.label.mm, self.least_text.mm, 100.0)?;
+        KeyError::range("name", self.name.mm, self.least_text.mm, 200.0)?;
+        KeyError::range("tick", self.tick.mm, 0.5, 50.0)?;
+        KeyError::range("tick_spacing", self.tick_spacing.mm, 2.0 * self.tick.mm, 10_000.0)
+    }
+
+    fn run(&self, (cut, flat): (&CutMesh, &Flattening), (): &(), cx: &Cx) -> Result<Parts, LayoutError> {
+        let options = Options {
+            merge: self.merge.mm,
+            slit: self.slit.mm,
+            fold_angle: self.fold_angle.radians,
+            label_height: self.label.mm,
+            name_height: self.name.mm,
+            least_height: self.least_text.mm,
+            tick: self.tick.mm,
+            tick_spacing: self.tick_spacing.mm,
+        };
+        layout(cut, flat, &options, &cx.monitor)
+    }
+
+    fn section(&self, _: (&CutMesh, &Flattening), (): &(), parts: &Parts) -> Section {
+        let faults: Vec<String> = parts
+            .parts
+            .iter()
+            .filter_map(|it| check_outline(&it.contours).err().map(|fault| format!("part {}: {fault}", it.name)))
+            .chain(parts.refused.iter().cloned())
+            .collect();
+        let count = |wanted: &dyn Fn(Operation) -> bool| {
+            parts.parts.iter().flat_map(|it| &it.marks).filter(|it| wanted(it.operation)).count()
+        };
+        let opened: Vec<_> = parts
+            .openings
+            .iter()
+            .map(|it| json!({ "part": it.part, "width_mm": it.width, "area_mm2": it.area }))
+            .collect();
+        let table = json!({
+            "refused": parts.refused.len(),
+            "mountain_folds": count(&|it| it == Operation::ScoreMountain),
+            "valley_folds": count(&|it| it == Operation::ScoreValley),
+            "match_marks": count(&|it| it == Operation::Registration),
+            "unlabelled": parts.unlabelled,
+            "opened_slits": opened,
+        });
+        Section::new("outlines", table)
+            .check(Check::at_most("layout.outlines", faults.len() as f64, 0.0, "pieces", faults.join("; ")))
+            .check(Check::at_most(
+                "layout.labels",
+                parts.unlabelled.len() as f64,
+                0.0,
+                "labels",
+                match parts.unlabelled.len() {
+                    0 => String::new(),
+                    _ => format!("no room for: {}; set a smaller layout.least_text", parts.unlabelled.join(", ")),
+                },
+            ))
+    }
+}

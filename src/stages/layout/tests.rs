@@ -1,0 +1,307 @@
+//! Laws of the layout on sheets that are bent, cut and flattened by formula.
+use std::collections::BTreeMap;
+
+use super::{seams::tick_places, *};
+use crate::{
+    geom::{
+        Vec3,
+        outline::check_outline,
+        polygon::{contains, point_segment_distance, segments_meet, turned},
+        polyline_length, signed_area,
+    },
+    mesh::{EdgeId, FaceId, Field, TriMesh, VertexId},
+    model::{Operation, Piece, Seam},
+};
+
+const OPTIONS: Options = Options {
+    merge: 0.02,
+    slit: 0.1,
+    fold_angle: 0.3,
+    label_height: 3.5,
+    name_height: 7.0,
+    least_height: 1.4,
+    tick: 2.5,
+    tick_spacing: 25.0,
+};
+
+/// A rectangle of `columns` × `rows` squares, bent by `bends` (column, radians) about lines of constant x, with its
+/// isometric plane coordinates.
+fn bent_sheet(columns: usize, rows: usize, spacing: f64, bends: &[(usize, f64)]) -> (TriMesh, Vec<Vec2>) {
+    let mut profile = vec![Vec2::zeros()];
+    let mut heading = 0.0;
+    for i in 0..columns {
+        heading += bends.iter().filter(|it| it.0 == i).map(|it| it.1).sum::<f64>();
+        profile.push(profile[i] + turned(Vec2::new(spacing, 0.0), heading));
+    }
+    let (mut points, mut plane, mut faces) = (Vec::new(), Vec::new(), Vec::new());
+    let id = |i: usize, j: usize| (j * (columns + 1) + i) as u32;
+    for j in 0..=rows {
+        for (i, p) in profile.iter().enumerate() {
+            points.push(Vec3::new(p.x, j as f64 * spacing, p.y));
+            plane.push(Vec2::new(i as f64, j as f64) * spacing);
+            if i < columns && j < rows {
+                faces.push([id(i, j), id(i + 1, j), id(i + 1, j + 1)]);
+                faces.push([id(i, j), id(i + 1, j + 1), id(i, j + 1)]);
+            }
+        }
+    }
+    (TriMesh::new(points, &faces).unwrap(), plane)
+}
+
+/// Cuts a mesh between faces of different labels and along `slit` edges, and lays every piece out turned and moved.
+fn cut_apart(
+    mesh: &TriMesh,
+    plane: &[Vec2],
+    label: impl Fn(FaceId) -> u32,
+    slit: impl Fn(EdgeId) -> bool,
+) -> (CutMesh, Flattening) {
+    let is_cut = |e: EdgeId| {
+        let h = mesh.halfedge(e);
+        mesh.twin(h).is_some_and(|twin| slit(e) || label(mesh.face(h)) != label(mesh.face(twin)))
+    };
+    // Corners that are not parted by a cut share a vertex.
+    let mut corner: Vec<usize> = (0..mesh.halfedge_count()).collect();
+    fn root(corner: &mut [usize], mut i: usize) -> usize {
+        while corner[i] != i {
+            i = corner[i];
+        }
+        i
+    }
+    for h in mesh.halfedges() {
+        if let Some(twin) = mesh.twin(h).filter(|_| !is_cut(mesh.edge(h))) {
+            let (a, b) = (root(&mut corner, h.index()), root(&mut corner, mesh.next(twin).index()));
+            corner[a.max(b)] = a.min(b);
+        }
+    }
+    let mut vertex: BTreeMap<usize, u32> = BTreeMap::new();
+    let (mut positions, mut origin, mut uv, mut faces) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    for f in mesh.faces() {
+        faces.push(mesh.face_halfedges(f).map(|h| {
+            let v = mesh.tail(h);
+            *vertex.entry(root(&mut corner, h.index())).or_insert_with(|| {
+                positions.push(mesh.position(v));
+                origin.push(v);
+                uv.push(
+                    turned(plane[v.index()], 0.4 + f64::from(label(f))) + Vec2::new(300.0 * f64::from(label(f)), 7.0),
+                );
+                (positions.len() - 1) as u32
+            })
+        }));
+    }
+    let count = mesh.faces().map(&label).max().unwrap() + 1;
+    let names = (0..count).map(|i| Piece { name: char::from(b'A' + i as u8).to_string() }).collect();
+    let cut = CutMesh {
+        mesh: TriMesh::new(positions, &faces).unwrap(),
+        origin: Field::from_vec(origin),
+        piece_of: Field::from_fn(mesh.face_count(), |f| PieceId(label(f))),
+        pieces: Field::from_vec(names),
+        seams: seams_of(mesh, &is_cut),
+        tolerance: 0.0,
+        seam_vertices: 0,
+    };
+    let n = cut.mesh.vertex_count();
+    let flat =
+        Flattening { uv: Field::from_vec(uv), log_factor: Field::filled(n, 0.0), overlaps: vec![], stretch_limit: 0.0 };
+    (cut, flat)
+}
+
+/// Cut edges as chains between vertices where not exactly two of them meet, or where the boundary is.
+fn seams_of(mesh: &TriMesh, is_cut: &dyn Fn(EdgeId) -> bool) -> Vec<Seam> {
+    let halfedge_from = |v: VertexId| mesh.outgoing(v).filter(|&h| is_cut(mesh.edge(h))).collect::<Vec<_>>();
+    let junction = |v: VertexId| {
+        let n = mesh.neighbors(v).filter(|&w| {
+            let h = mesh.find_halfedge(v, w).or_else(|| mesh.find_halfedge(w, v)).unwrap();
+            is_cut(mesh.edge(h))
+        });
+        n.count() != 2 || mesh.is_boundary_vertex(v)
+    };
+    let mut used = vec![false; mesh.edge_count()];
+    let mut seams = Vec::new();
+    for start in mesh.vertices().filter(|&v| junction(v)) {
+        for first in halfedge_from(start) {
+            let mut side = Vec::new();
+            let mut next = Some(first);
+            while let Some(h) = next.filter(|&h| !used[mesh.edge(h).index()]) {
+                used[mesh.edge(h).index()] = true;
+                side.push(h);
+                let v = mesh.head(h);
+                next = if junction(v) {
+                    None
+                } else {
+                    halfedge_from(v).into_iter().find(|&g| !used[mesh.edge(g).index()])
+                };
+            }
+            if !side.is_empty() {
+                let other = side.iter().map(|&h| mesh.twin(h).unwrap()).collect();
+                seams.push(Seam { label: seams.len() as u32 + 1, sides: [side, other] });
+            }
+        }
+    }
+    seams
+}
+
+/// Three pieces with wavy seams that meet in one point, bent sharply along two lines.
+fn three_pieces() -> (CutMesh, Flattening) {
+    let (mesh, plane) = bent_sheet(50, 30, 4.0, &[(12, 1.0), (30, -0.8), (31, 0.1)]);
+    let middle = |f: FaceId| mesh.face_vertices(f).map(|v| plane[v.index()]).iter().sum::<Vec2>() / 3.0;
+    let label = |f: FaceId| {
+        let c = middle(f);
+        let wave = 10.0 * (c.y / 15.0).sin();
+        match () {
+            () if c.x < 80.0 + wave => 0,
+            () if c.y < 60.0 + 0.1 * c.x => 1,
+            () => 2,
+        }
+    };
+    cut_apart(&mesh, &plane, label, |_| false)
+}
+
+/// One piece with a closed slit and a loose seam that ends inside it.
+fn slit_piece() -> (CutMesh, Flattening) {
+    let (mesh, plane) = bent_sheet(30, 20, 4.0, &[]);
+    let on = |e: EdgeId| mesh.edge_vertices(e).map(|v| plane[v.index()]).iter().all(|p| p.x == 60.0 && p.y >= 40.0);
+    cut_apart(&mesh, &plane, |_| 0, on)
+}
+
+fn made(input: &(CutMesh, Flattening)) -> Parts {
+    layout(&input.0, &input.1, &OPTIONS, &Monitor::silent()).unwrap()
+}
+
+/// Point and normal-free place of every tick, as distance from its base on the outline to the start of a seam side.
+fn tick_bases(part: &Part, side: &[Vec2]) -> Vec<f64> {
+    let mut bases = Vec::new();
+    for mark in part.marks.iter().filter(|it| it.operation == Operation::Registration) {
+        let base = mark.points[0] - (mark.points[1] - mark.points[0]).normalize() * 0.2;
+        let mut along = 0.0;
+        for w in side.windows(2) {
+            if point_segment_distance(base, w[0], w[1]) < 1e-6 {
+                bases.push(along + (base - w[0]).norm());
+                break;
+            }
+            along += (w[1] - w[0]).norm();
+        }
+    }
+    bases.sort_by(f64::total_cmp);
+    bases
+}
+
+fn side_points(input: &(CutMesh, Flattening), seam: &Seam, side: usize) -> Vec<Vec2> {
+    let (mesh, uv) = (&input.0.mesh, &input.1.uv);
+    let ends = |h: HalfedgeId| if side == 0 { [mesh.tail(h), mesh.head(h)] } else { [mesh.head(h), mesh.tail(h)] };
+    let path = &seam.sides[side];
+    path.iter().map(|&h| ends(h)[0]).chain(path.last().map(|&h| ends(h)[1])).map(|v| uv[v]).collect()
+}
+
+#[test]
+fn outlines_are_simple_and_keep_the_flat_area() {
+    for input in [three_pieces(), slit_piece()] {
+        let parts = made(&input);
+        assert_eq!(parts.parts.len(), input.0.pieces.len(), "{:?}", parts.refused);
+        for (piece, part) in input.0.pieces.enumerate().zip(&parts.parts) {
+            assert_eq!(check_outline(&part.contours), Ok(()));
+            let faces = input.0.mesh.faces().filter(|&f| input.0.piece_of[f] == piece.0);
+            let flat: f64 = faces.map(|f| signed_area(&input.0.mesh.face_vertices(f).map(|v| input.1.uv[v]))).sum();
+            let opened: f64 = parts.openings.iter().filter(|it| it.part == part.name).map(|it| it.area).sum();
+            let found = area(&part.contours);
+            assert!((found + opened - flat).abs() < 1e-3 * polyline_length(&part.contours[0], true), "{found} {flat}");
+        }
+    }
+}
+
+#[test]
+fn a_closed_slit_is_opened_and_said() {
+    let parts = made(&slit_piece());
+    assert_eq!(parts.openings.len(), 1);
+    assert_eq!(parts.openings[0].width, 0.1);
+    // 40 mm of slit, 0.1 mm wide.
+    assert!((parts.openings[0].area - 4.0).abs() < 0.2, "{}", parts.openings[0].area);
+}
+
+#[test]
+fn both_sides_of_a_seam_are_equal_and_their_ticks_match() {
+    let input = three_pieces();
+    let parts = made(&input);
+    assert!(input.0.seams.len() >= 3);
+    for seam in &input.0.seams {
+        let sides = [0, 1].map(|side| side_points(&input, seam, side));
+        let lengths = sides.each_ref().map(|it| polyline_length(it, false));
+        assert!((lengths[0] - lengths[1]).abs() < 1e-9);
+        let ticks = [0, 1].map(|side| {
+            let piece = input.0.piece_of[input.0.mesh.face(seam.sides[side][0])];
+            tick_bases(&parts.parts[piece.index()], &sides[side])
+        });
+        for (k, place) in tick_places(lengths[0], OPTIONS.tick_spacing).into_iter().enumerate() {
+            for found in &ticks {
+                assert!(found.iter().any(|it| (it - place).abs() < 1e-6), "seam {} tick {k}: {found:?}", seam.label);
+            }
+        }
+        for found in &ticks {
+            assert!(found.first().is_some_and(|it| *it < 1e-6), "no tick at the start of seam {}", seam.label);
+        }
+    }
+}
+
+#[test]
+fn marks_stay_inside_and_lettering_crosses_nothing() {
+    for input in [three_pieces(), slit_piece()] {
+        for part in made(&input).parts {
+            let (text, lines): (Vec<&Mark>, Vec<&Mark>) =
+                part.marks.iter().partition(|it| it.operation == Operation::Text);
+            for mark in &part.marks {
+                assert!(mark.points.iter().all(|&p| contains(&part.contours, p)), "{mark:?}");
+            }
+            let segments = |points: &[Vec2], closed: bool| {
+                let n = if closed { points.len() } else { points.len() - 1 };
+                (0..n).map(|i| (points[i], points[(i + 1) % points.len()])).collect::<Vec<_>>()
+            };
+            let fixed: Vec<(Vec2, Vec2)> = part
+                .contours
+                .iter()
+                .flat_map(|it| segments(it, true))
+                .chain(lines.iter().flat_map(|it| segments(&it.points, it.closed)))
+                .collect();
+            for (a, b) in text.iter().flat_map(|it| segments(&it.points, it.closed)) {
+                assert!(!fixed.iter().any(|&(c, d)| segments_meet(a, b, c, d)));
+            }
+        }
+    }
+}
+
+#[test]
+fn every_seam_is_numbered_on_both_sides_and_every_part_named() {
+    let input = three_pieces();
+    let parts = made(&input);
+    assert_eq!(parts.unlabelled, Vec::<String>::new());
+    for part in &parts.parts {
+        let height = |mark: &Mark| mark.points.len();
+        assert!(part.marks.iter().any(|it| it.operation == Operation::Text && height(it) > 1));
+    }
+    let tiny = Options { label_height: 90.0, least_height: 90.0, ..OPTIONS };
+    let parts = layout(&input.0, &input.1, &tiny, &Monitor::silent()).unwrap();
+    assert_eq!(parts.unlabelled.iter().filter(|it| it.starts_with("seam")).count(), 2 * input.0.seams.len());
+}
+
+#[test]
+fn folds_run_as_long_lines_where_the_sheet_is_bent() {
+    let parts = made(&three_pieces());
+    let folds = |operation: Operation| -> Vec<f64> {
+        let marks = parts.parts.iter().flat_map(|it| &it.marks).filter(|it| it.operation == operation);
+        marks.map(|it| polyline_length(&it.points, it.closed)).collect()
+    };
+    // The sheet is 120 mm high; the first bend goes through piece A only, upwards, so it is a valley from above; the
+    // second one goes down and is shared by B and C; the third is under the limit.
+    let (valleys, mountains) = (folds(Operation::ScoreValley), folds(Operation::ScoreMountain));
+    assert_eq!((valleys.len(), mountains.len()), (1, 2));
+    assert!((valleys[0] - (120.0 - 0.6)).abs() < 1e-9, "{valleys:?}");
+    assert!((mountains.iter().sum::<f64>() - (120.0 - 1.2)).abs() < 1e-9, "{mountains:?}");
+}
+
+#[test]
+fn inputs_that_do_not_belong_together_are_refused() {
+    let (cut, mut flat) = slit_piece();
+    flat.uv[VertexId(3)].x = f64::NAN;
+    let fault = layout(&cut, &flat, &OPTIONS, &Monitor::silent());
+    assert!(matches!(fault, Err(LayoutError::NotFinite { vertex: 3, .. })));
+    flat.uv = Field::filled(2, Vec2::zeros());
+    assert!(matches!(layout(&cut, &flat, &OPTIONS, &Monitor::silent()), Err(LayoutError::Mismatch { found: 2, .. })));
+}
