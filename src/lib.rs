@@ -18,6 +18,7 @@ pub mod cli;
 pub mod emit;
 pub mod geom;
 pub mod import;
+pub mod machine;
 pub mod mesh;
 pub mod model;
 pub mod numeric;

@@ -1,3 +1,5 @@
 //! The `fabricate` command.
 
-fn main() {}
+fn main() -> std::process::ExitCode {
+    fabricate::cli::main()
+}

@@ -1,1 +1,17 @@
-//! pipeline
+//! From a config to a plan, from a plan to artifacts and files: recipes, config, cache, run.
+
+mod cache;
+mod codec;
+mod config;
+mod input;
+mod output;
+mod plan;
+mod recipes;
+mod run;
+
+pub use config::{Config, ConfigError, ConfigText, Place};
+pub use input::{InputError, Source};
+pub use output::OutputError;
+pub use plan::{Plan, PlanError, plan};
+pub use recipes::{RECIPES, Recipe, STAGES};
+pub use run::{Event, Outcome, Range, RunError, run};

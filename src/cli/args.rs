@@ -1,0 +1,113 @@
+//! The command line as clap sees it.
+use std::path::PathBuf;
+
+use clap::{Parser, Subcommand};
+
+/// Turns a 3-D shape into flat pieces that a machine can cut and a person can assemble.
+#[derive(Debug, Parser)]
+#[command(name = "fabricate", version, propagate_version = true)]
+pub(super) struct Args {
+    #[command(subcommand)]
+    pub(super) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(super) enum Command {
+    /// Run a job: a config, or a mesh with all defaults
+    Run(Run),
+    /// Read everything and run nothing: config, mesh, profiles, plan
+    Check(Check),
+    /// Write a commented config
+    Init(Init),
+    /// Say what is in a mesh, SVG, DXF or G-code file
+    Inspect {
+        /// The file
+        file: PathBuf,
+        /// One JSON document instead of a summary
+        #[arg(long)]
+        json: bool,
+    },
+    /// List the serial ports of this machine
+    Ports,
+    /// List the built-in profiles, or show one
+    Profiles {
+        #[command(subcommand)]
+        show: Option<Profiles>,
+    },
+    /// Print a completion script for a shell
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+    /// Print the manual page
+    Man,
+}
+
+#[derive(Debug, clap::Args)]
+pub(super) struct Run {
+    /// A config (.toml) or a mesh (.obj, .stl, .ply, .off)
+    #[arg(value_name = "CONFIG|MESH")]
+    pub(super) job: PathBuf,
+    /// Folder of the results, instead of `output.dir`
+    #[arg(long, value_name = "DIR")]
+    pub(super) out: Option<PathBuf>,
+    /// Override a key of the config: --set coarsen.faces=2000
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(super) sets: Vec<String>,
+    /// Compute from this stage on, even where the cache has results
+    #[arg(long, value_name = "STAGE")]
+    pub(super) from: Option<String>,
+    /// Stop after this stage
+    #[arg(long, value_name = "STAGE")]
+    pub(super) to: Option<String>,
+    /// Override the seed
+    #[arg(long)]
+    pub(super) seed: Option<u64>,
+    /// Threads to use; all cores when absent
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
+    pub(super) threads: Option<u16>,
+    /// Print report.json to stdout instead of a summary
+    #[arg(long)]
+    pub(super) json: bool,
+    /// No progress
+    #[arg(long)]
+    pub(super) quiet: bool,
+}
+
+#[derive(Debug, clap::Args)]
+pub(super) struct Check {
+    /// A config (.toml) or a mesh
+    #[arg(value_name = "CONFIG|MESH")]
+    pub(super) job: PathBuf,
+    /// Override a key of the config
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(super) sets: Vec<String>,
+}
+
+#[derive(Debug, clap::Args)]
+pub(super) struct Init {
+    /// Where to write `fabricate.toml`
+    #[arg(default_value = ".")]
+    pub(super) dir: PathBuf,
+    /// Recipe of the job
+    #[arg(long, default_value = "developable")]
+    pub(super) recipe: String,
+    /// Material profile
+    #[arg(long, default_value = "paper-200gsm")]
+    pub(super) material: String,
+    /// Machine profile
+    #[arg(long, default_value = "drag-knife-a3")]
+    pub(super) machine: String,
+    /// The mesh to name in the config
+    #[arg(long, default_value = "model.obj")]
+    pub(super) mesh: PathBuf,
+}
+
+#[derive(Debug, Subcommand)]
+pub(super) enum Profiles {
+    /// Print a built-in profile, to copy and change
+    Show {
+        /// Its name
+        name: String,
+    },
+}

@@ -1,0 +1,240 @@
+//! What each command does.
+use std::{error::Error, fs, path::Path};
+
+use clap::CommandFactory;
+
+use super::{
+    CANCEL, Exit,
+    args::{Args, Check, Command, Init, Profiles, Run},
+    inspect, show, template,
+};
+use crate::{
+    machine,
+    pipeline::{self, Config, ConfigError, ConfigText, InputError, Plan, Range, RunError, STAGES, Source},
+    profile,
+};
+
+/// Runs a command; every complaint has been shown when it returns.
+pub(super) fn run(args: Args) -> Exit {
+    match args.command {
+        Command::Run(args) => job(&args),
+        Command::Check(args) => check(&args),
+        Command::Init(args) => init(&args),
+        Command::Inspect { file, json } => inspect::inspect(&file, json),
+        Command::Ports => ports(),
+        Command::Profiles { show } => profiles(show),
+        Command::Completions { shell } => {
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut Args::command(), "fabricate", &mut script);
+            show::data(&String::from_utf8_lossy(&script));
+            Exit::Done
+        }
+        Command::Man => man(),
+    }
+}
+
+fn is_config(path: &Path) -> bool {
+    path.extension().is_some_and(|it| it.eq_ignore_ascii_case("toml"))
+}
+
+fn config_text(job: &Path, sets: &[String]) -> Result<ConfigText, ConfigError> {
+    if is_config(job) { ConfigText::read(job, sets) } else { ConfigText::for_mesh(job, sets) }
+}
+
+/// A plan with its input and the output folder the config names.
+struct Prepared {
+    plan: Plan,
+    source: Source,
+    dir: std::path::PathBuf,
+}
+
+fn prepare(text: &ConfigText, seed: Option<u64>) -> Result<Prepared, InputError> {
+    let mut config = Config::parse(text)?;
+    config.seed = seed.unwrap_or(config.seed);
+    let dir = config.output.dir.clone();
+    // The plan first: a wrong key is found at once, before a large mesh is read.
+    let source_of = Config::parse(text)?;
+    let plan = pipeline::plan(config)?;
+    let source = Source::load(&source_of)?;
+    Ok(Prepared { plan, source, dir })
+}
+
+fn refuse(err: &InputError) -> Exit {
+    match err {
+        InputError::Config(err) => {
+            show::config_error(err);
+            Exit::Usage
+        }
+        other => {
+            show::error(other);
+            Exit::Input
+        }
+    }
+}
+
+fn job(args: &Run) -> Exit {
+    if let Some(threads) = args.threads
+        && let Err(err) = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global()
+    {
+        show::warning(&format!("--threads {threads} has no effect: {err}"));
+    }
+    for stage in [&args.from, &args.to].into_iter().flatten() {
+        if STAGES.iter().all(|it| it.name != stage) {
+            let names: Vec<_> = STAGES.iter().map(|it| it.name).collect();
+            show::note(&format!("error: no stage `{stage}`; there are {}", names.join(", ")));
+            return Exit::Usage;
+        }
+    }
+    let prepared = config_text(&args.job, &args.sets).map_err(InputError::from).and_then(|it| prepare(&it, args.seed));
+    let Prepared { plan, source, dir } = match prepared {
+        Ok(it) => it,
+        Err(err) => return refuse(&err),
+    };
+    for warning in plan.warnings.iter().chain(&source.warnings) {
+        show::warning(warning);
+    }
+    let out = args.out.as_deref().unwrap_or(&dir);
+    let range = Range { from: args.from.clone(), to: args.to.clone() };
+    let progress = show::Progress::new(args.quiet);
+    let result = pipeline::run(&plan, source, out, &range, &CANCEL, &|event| progress.tell(event));
+    progress.finish();
+    match result {
+        Ok(outcome) => {
+            if let Some((stage, reasons)) = &outcome.failure {
+                show::note(&format!("error: stage `{stage}` could not finish: {}", reasons.join("\n  because: ")));
+            }
+            if args.json {
+                show::data(&format!("{:#}", outcome.report));
+            } else {
+                show::summary(&outcome.report, &out.display().to_string());
+            }
+            if !is_config(&args.job) && !args.quiet {
+                show::note("this job had no config; `fabricate init` writes one to change");
+            }
+            if outcome.ok() { Exit::Done } else { Exit::ChecksFailed }
+        }
+        Err(RunError::Interrupted) => {
+            show::note("interrupted; finished stages are kept, and the next run goes on from there");
+            Exit::Interrupted
+        }
+        Err(RunError::Output(err)) => {
+            show::error(&err);
+            Exit::Output
+        }
+    }
+}
+
+fn check(args: &Check) -> Exit {
+    let prepared = config_text(&args.job, &args.sets).map_err(InputError::from).and_then(|it| prepare(&it, None));
+    let Prepared { plan, source, dir } = match prepared {
+        Ok(it) => it,
+        Err(err) => return refuse(&err),
+    };
+    for warning in plan.warnings.iter().chain(&source.warnings) {
+        show::warning(warning);
+    }
+    let stages: Vec<_> = plan.stages.iter().map(|(def, _)| def.name).collect();
+    let facts = &source.facts;
+    let size = source.mesh.mesh.bounds().size();
+    show::data(&format!(
+        "    recipe  {}: {}\n      mesh  {}, {} vertices, {} faces, genus {}, {} boundary loops\n      size  {:.1} x {:.1} x {:.1} mm\n  \
+         material  {}\n   machine  {}\n   formats  {}\n    output  {}\n",
+        plan.recipe,
+        stages.join(" > "),
+        source.mesh.file,
+        facts["vertices"],
+        facts["faces"],
+        facts["genus"],
+        facts["boundary_loops"],
+        size.x,
+        size.y,
+        size.z,
+        plan.profiles.material.title,
+        plan.profiles.machine.title,
+        plan.formats.join(", "),
+        dir.display(),
+    ));
+    for repair in &source.mesh.repairs {
+        show::data(&format!("  repaired  {repair}\n"));
+    }
+    Exit::Done
+}
+
+fn init(args: &Init) -> Exit {
+    let text = match template::config(args) {
+        Ok(text) => text,
+        Err(message) => {
+            show::note(&format!("error: {message}"));
+            return Exit::Usage;
+        }
+    };
+    let path = args.dir.join("fabricate.toml");
+    if path.exists() {
+        show::note(&format!("error: {} exists already; move it away or choose another folder", path.display()));
+        return Exit::Output;
+    }
+    match fs::create_dir_all(&args.dir).and_then(|()| fs::write(&path, text)) {
+        Ok(()) => {
+            show::note(&format!("wrote {}; `fabricate run {}` runs it", path.display(), path.display()));
+            Exit::Done
+        }
+        Err(err) => {
+            show::note(&format!("error: cannot write {}: {err}", path.display()));
+            Exit::Output
+        }
+    }
+}
+
+fn ports() -> Exit {
+    match machine::ports() {
+        Ok(ports) if ports.is_empty() => {
+            show::note("no serial ports; is the machine plugged in and switched on?");
+            Exit::Done
+        }
+        Ok(ports) => {
+            ports.iter().for_each(|it| show::data(&format!("{}  {}", it.name, it.about)));
+            Exit::Done
+        }
+        Err(err) => {
+            let err: &dyn Error = &err;
+            show::error(err);
+            Exit::Input
+        }
+    }
+}
+
+fn profiles(command: Option<Profiles>) -> Exit {
+    match command {
+        None => {
+            for (kind, name, title) in profile::built_in() {
+                show::data(&format!("{kind:9} {name:18} {title}"));
+            }
+            Exit::Done
+        }
+        Some(Profiles::Show { name }) => match profile::text(&name) {
+            Some(text) => {
+                show::data(text);
+                Exit::Done
+            }
+            None => {
+                let names: Vec<_> = profile::built_in().map(|it| it.1).collect();
+                show::note(&format!("error: no built-in profile `{name}`; there are {}", names.join(", ")));
+                Exit::Usage
+            }
+        },
+    }
+}
+
+fn man() -> Exit {
+    let mut page = Vec::new();
+    match clap_mangen::Man::new(Args::command()).render(&mut page) {
+        Ok(()) => {
+            show::data(&String::from_utf8_lossy(&page));
+            Exit::Done
+        }
+        Err(err) => {
+            show::error(&err);
+            Exit::Output
+        }
+    }
+}

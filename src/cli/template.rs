@@ -1,0 +1,50 @@
+//! The commented config that `fabricate init` writes.
+use super::args::Init;
+use crate::{pipeline::RECIPES, profile};
+
+/// A config that runs as soon as its mesh exists; `Err` names what does not exist.
+pub(super) fn config(args: &Init) -> Result<String, String> {
+    if RECIPES.iter().all(|it| it.name != args.recipe) {
+        let names: Vec<_> = RECIPES.iter().map(|it| it.name).collect();
+        return Err(format!("unknown recipe `{}`; there are {}", args.recipe, names.join(", ")));
+    }
+    for (kind, name) in [("material", &args.material), ("machine", &args.machine)] {
+        if profile::built_in().all(|it| (it.0, it.1) != (kind, name.as_str())) {
+            let names: Vec<_> = profile::built_in().filter(|it| it.0 == kind).map(|it| it.1).collect();
+            return Err(format!("unknown {kind} profile `{name}`; there are {}", names.join(", ")));
+        }
+    }
+    let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
+    Ok(TEMPLATE
+        .replace("{recipe}", &quoted(&args.recipe))
+        .replace("{mesh}", &quoted(&args.mesh.display().to_string()))
+        .replace("{material}", &quoted(&args.material))
+        .replace("{machine}", &quoted(&args.machine)))
+}
+
+const TEMPLATE: &str = r#"# A job for `fabricate run`. Every key has a default; lines with a leading # show it.
+version = 1
+recipe = {recipe}
+# seed = 0
+
+[input]
+mesh = {mesh}              # .obj .stl .ply .off, relative to this file
+height = "180 mm"          # or width, depth, diagonal, or units = "mm" | "cm" | "m" | "in" | "ft", or scale = 1.0
+# up = "y"                 # "z" by default for STL
+# component = "one"        # "largest" or "all" when the file holds several surfaces
+# fill_holes = 0           # close holes of at most this many edges
+
+[material]
+profile = {material}
+# sheet = ["210 mm", "297 mm"]   # any key of the profile can be set here: fabricate profiles show NAME
+
+[machine]
+profile = {machine}
+
+[output]
+dir = "out"
+# formats = ["svg", "dxf", "gcode"]
+
+[develop]
+max_deviation = "1 %"      # of the diagonal, or a length such as "2 mm"
+"#;

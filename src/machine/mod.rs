@@ -1,0 +1,36 @@
+//! The way to a machine. So far only the list of serial ports.
+
+/// A serial port of this computer.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Port {
+    /// What to hand to `--port`.
+    pub name: String,
+    /// What hangs on it, as far as the system knows.
+    pub about: String,
+}
+
+/// The ports cannot be listed.
+#[derive(Debug, thiserror::Error)]
+#[error("the serial ports cannot be listed: {0}")]
+pub struct PortsError(#[from] serialport::Error);
+
+/// Serial ports, sorted by name.
+pub fn ports() -> Result<Vec<Port>, PortsError> {
+    let mut ports: Vec<Port> = serialport::available_ports()?
+        .into_iter()
+        .map(|it| {
+            let about = match it.port_type {
+                serialport::SerialPortType::UsbPort(usb) => {
+                    let text = |it: Option<String>| it.unwrap_or_default();
+                    format!("USB {:04x}:{:04x} {} {}", usb.vid, usb.pid, text(usb.manufacturer), text(usb.product))
+                }
+                serialport::SerialPortType::PciPort => "built in".into(),
+                serialport::SerialPortType::BluetoothPort => "Bluetooth".into(),
+                serialport::SerialPortType::Unknown => String::new(),
+            };
+            Port { name: it.port_name, about: about.trim_end().to_owned() }
+        })
+        .collect();
+    ports.sort_by(|a, b| a.name.cmp(&b.name));
+    Ok(ports)
+}

@@ -1,0 +1,225 @@
+//! Nouns to bytes and back, bit for bit, for the cache. Little-endian, lengths as u64, no padding.
+//!
+//! Own and not serde's, because nouns stay free of serialisation (HOUSE.md) and f64 must come back bit for bit.
+use crate::{
+    geom::{Vec2, Vec3},
+    mesh::{EdgeId, FaceId, Field, HalfedgeId, Id, TriMesh, VertexId},
+    model::{
+        Artifact, CutMesh, DevelopableMesh, Flattening, Kind, Mark, Noun, Operation, Overlap, Part, Parts, Piece, PieceId,
+        Placement, Round, Seam, Sheet, SheetPaths, Sheets, SourceMesh, Toolpath, Toolpaths,
+    },
+};
+
+/// Bytes that are not what was written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("the bytes are not a noun")]
+pub(super) struct Corrupt;
+
+/// Bytes still to read.
+pub(super) struct Reader<'a>(&'a [u8]);
+
+impl<'a> Reader<'a> {
+    fn take(&mut self, n: usize) -> Result<&'a [u8], Corrupt> {
+        let (head, tail) = self.0.split_at_checked(n).ok_or(Corrupt)?;
+        self.0 = tail;
+        Ok(head)
+    }
+}
+
+/// To bytes and back.
+pub(super) trait Codec: Sized {
+    /// Appends.
+    fn put(&self, out: &mut Vec<u8>);
+    /// Reads.
+    fn get(reader: &mut Reader<'_>) -> Result<Self, Corrupt>;
+}
+
+macro_rules! numbers {
+    ($($type:ty),*) => {$(
+        impl Codec for $type {
+            fn put(&self, out: &mut Vec<u8>) {
+                out.extend_from_slice(&self.to_le_bytes());
+            }
+            fn get(reader: &mut Reader<'_>) -> Result<Self, Corrupt> {
+                let bytes = reader.take(size_of::<Self>())?;
+                Ok(Self::from_le_bytes(bytes.try_into().map_err(|_| Corrupt)?))
+            }
+        }
+    )*};
+}
+
+numbers!(u8, u32, u64, f64);
+
+impl Codec for usize {
+    fn put(&self, out: &mut Vec<u8>) {
+        (*self as u64).put(out);
+    }
+    fn get(reader: &mut Reader<'_>) -> Result<Self, Corrupt> {
+        u64::get(reader)?.try_into().map_err(|_| Corrupt)
+    }
+}
+
+impl Codec for bool {
+    fn put(&self, out: &mut Vec<u8>) {
+        u8::from(*self).put(out);
+    }
+    fn get(reader: &mut Reader<'_>) -> Result<Self, Corrupt> {
+        Ok(u8::get(reader)? != 0)
+    }
+}
+
+impl Codec for String {
+    fn put(&self, out: &mut Vec<u8>) {
+        self.len().put(out);
+        out.extend_from_slice(self.as_bytes());
+    }
+    fn get(reader: &mut Reader<'_>) -> Result<Self, Corrupt> {
+        let n = usize::get(reader)?;
+        Self::from_utf8(reader.take(n)?.to_vec()).map_err(|_| Corrupt)
+    }
+}
+
+impl<T: Codec> Codec for Vec<T> {
+    fn put(&self, out: &mut Vec<u8>) {
+        self.len().put(out);
+        self.iter().for_each(|it| it.put(out));
+    }
+    fn get(reader: &mut Reader<'_>) -> Result<Self, Corrupt> {
+        let n = usize::get(reader)?;
+        // A length larger than what is left is corrupt; it must not become an allocation.
+        if n > reader.0.len() {
+            return Err(Corrupt);
+        }
+        (0..n).map(|_| T::get(reader)).collect()
+    }
+}
+
+impl<T: Codec, const N: usize> Codec for [T; N] {
+    fn put(&self, out: &mut Vec<u8>) {
+        self.iter().for_each(|it| it.put(out));
+    }
+    fn get(reader: &mut Reader<'_>) -> Result<Self, Corrupt> {
+        let values: Vec<T> = (0..N).map(|_| T::get(reader)).collect::<Result<_, _>>()?;
+        values.try_into().map_err(|_| Corrupt)
+    }
+}
+
+impl<I: Id, T: Codec> Codec for Field<I, T> {
+    fn put(&self, out: &mut Vec<u8>) {
+        self.len().put(out);
+        self.iter().for_each(|it| it.put(out));
+    }
+    fn get(reader: &mut Reader<'_>) -> Result<Self, Corrupt> {
+        Vec::get(reader).map(Self::from_vec)
+    }
+}
+
+macro_rules! records {
+    ($($name:ident { $($field:ident),* $(,)? })*) => {$(
+        impl Codec for $name {
+            fn put(&self, out: &mut Vec<u8>) {
+                $(self.$field.put(out);)*
+            }
+            fn get(reader: &mut Reader<'_>) -> Result<Self, Corrupt> {
+                Ok(Self { $($field: Codec::get(reader)?),* })
+            }
+        }
+    )*};
+}
+
+macro_rules! newtypes {
+    ($($name:ident),*) => {$(
+        impl Codec for $name {
+            fn put(&self, out: &mut Vec<u8>) {
+                self.0.put(out);
+            }
+            fn get(reader: &mut Reader<'_>) -> Result<Self, Corrupt> {
+                Codec::get(reader).map(Self)
+            }
+        }
+    )*};
+}
+
+newtypes!(VertexId, FaceId, HalfedgeId, EdgeId, PieceId);
+
+impl Codec for Vec2 {
+    fn put(&self, out: &mut Vec<u8>) {
+        [self.x, self.y].put(out);
+    }
+    fn get(reader: &mut Reader<'_>) -> Result<Self, Corrupt> {
+        <[f64; 2]>::get(reader).map(Self::from)
+    }
+}
+
+impl Codec for Vec3 {
+    fn put(&self, out: &mut Vec<u8>) {
+        [self.x, self.y, self.z].put(out);
+    }
+    fn get(reader: &mut Reader<'_>) -> Result<Self, Corrupt> {
+        <[f64; 3]>::get(reader).map(Self::from)
+    }
+}
+
+impl Codec for TriMesh {
+    fn put(&self, out: &mut Vec<u8>) {
+        self.positions().put(out);
+        self.face_indices().put(out);
+    }
+    fn get(reader: &mut Reader<'_>) -> Result<Self, Corrupt> {
+        let positions = Vec::get(reader)?;
+        let faces: Vec<[u32; 3]> = Vec::get(reader)?;
+        Self::new(positions, &faces).map_err(|_| Corrupt)
+    }
+}
+
+impl Codec for Operation {
+    fn put(&self, out: &mut Vec<u8>) {
+        let at = Self::ALL.iter().position(|it| it == self).expect("ALL lists every operation");
+        at.put(out);
+    }
+    fn get(reader: &mut Reader<'_>) -> Result<Self, Corrupt> {
+        Self::ALL.get(usize::get(reader)?).copied().ok_or(Corrupt)
+    }
+}
+
+records! {
+    SourceMesh { mesh, file, repairs }
+    Round {
+        energy, vertices, faces, energy_start, energy_end, gradient_norm, iterations, evaluations, seconds, stopped,
+    }
+    DevelopableMesh { mesh, energy, max_deviation, rounds }
+    Piece { name }
+    Seam { label, sides }
+    CutMesh { mesh, origin, piece_of, pieces, seams, tolerance, seam_vertices }
+    Overlap { faces, area }
+    Flattening { uv, log_factor, overlaps, stretch_limit }
+    Mark { operation, points, closed }
+    Part { name, contours, marks }
+    Parts { parts, refused }
+    Placement { part, angle, offset }
+    Sheet { size, parts, placements }
+    Sheets { sheets, margin, gap, unplaced }
+    Toolpath { operation, points, part }
+    SheetPaths { size, paths }
+    Toolpaths { sheets, cut_length, travel_length, lifts, seconds }
+}
+
+macro_rules! artifacts {
+    ($($name:ident),*) => {
+        /// Bytes of any noun.
+        pub(super) fn encode(artifact: &Artifact) -> Vec<u8> {
+            let mut out = Vec::new();
+            match artifact { $(Artifact::$name(it) => it.put(&mut out)),* }
+            out
+        }
+
+        /// A noun of the kind that the stage makes, from bytes that must be used up.
+        pub(super) fn decode(kind: Kind, bytes: &[u8]) -> Result<Artifact, Corrupt> {
+            let mut reader = Reader(bytes);
+            let artifact = match kind { $(Kind::$name => $name::get(&mut reader)?.wrap()),* };
+            if reader.0.is_empty() { Ok(artifact) } else { Err(Corrupt) }
+        }
+    };
+}
+
+artifacts!(SourceMesh, TriMesh, DevelopableMesh, CutMesh, Flattening, Parts, Sheets, Toolpaths);

@@ -1,0 +1,1 @@
+//! After the stages: files, their verification, and the report.

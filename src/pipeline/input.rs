@@ -1,0 +1,261 @@
+//! The input mesh: read, repaired, brought to its physical size.
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+use super::config::{Config, ConfigError};
+use crate::{
+    import::{ImportError, mesh as reader},
+    mesh::{Component, MeshRefusal, RepairOptions, repair},
+    model::SourceMesh,
+    profile::Length,
+    stage::Key,
+};
+
+/// Raise when the same bytes may give another `SourceMesh`.
+const VERSION: u32 = 1;
+/// Diagonals outside of this range, mm, are taken for a missing unit when the config gives neither unit nor size.
+const PLAUSIBLE: std::ops::RangeInclusive<f64> = 20.0..=3000.0;
+/// Height given to a model of implausible size, mm.
+const FALLBACK_HEIGHT: f64 = 180.0;
+
+/// The `[input]` table.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct InputTable {
+    /// The mesh file, relative to the config.
+    pub mesh: Option<PathBuf>,
+    units: Option<Unit>,
+    scale: Option<f64>,
+    height: Option<Length>,
+    width: Option<Length>,
+    depth: Option<Length>,
+    diagonal: Option<Length>,
+    up: Option<Up>,
+    component: ComponentKey,
+    fill_holes: usize,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+enum Unit {
+    #[serde(rename = "mm")]
+    Millimetre,
+    #[serde(rename = "cm")]
+    Centimetre,
+    #[serde(rename = "m")]
+    Metre,
+    #[serde(rename = "in")]
+    Inch,
+    #[serde(rename = "ft")]
+    Foot,
+}
+
+impl Unit {
+    fn millimetres(self) -> f64 {
+        match self {
+            Self::Millimetre => 1.0,
+            Self::Centimetre => 10.0,
+            Self::Metre => 1000.0,
+            Self::Inch => 25.4,
+            Self::Foot => 304.8,
+        }
+    }
+}
+
+/// The axis that points up, for `height`, `width` and `depth`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Up {
+    Y,
+    Z,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum ComponentKey {
+    /// Refuse several components.
+    #[default]
+    One,
+    Largest,
+    All,
+}
+
+/// Why there is no input mesh.
+#[derive(Debug, thiserror::Error)]
+pub enum InputError {
+    /// A key of `[input]`.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The file is missing or cannot be read.
+    #[error("cannot read the mesh {path}: {reason}")]
+    Missing {
+        /// The file.
+        path: String,
+        /// What the system said.
+        reason: String,
+    },
+    /// The file holds something else.
+    #[error("cannot read the mesh {path}")]
+    Unreadable {
+        /// The file.
+        path: String,
+        /// What the reader said.
+        source: ImportError,
+    },
+    /// The surface cannot be worked with.
+    #[error("the mesh {path} is refused")]
+    Refused {
+        /// The file.
+        path: String,
+        /// Why.
+        source: MeshRefusal,
+    },
+}
+
+/// The input of a run.
+#[derive(Debug, Clone)]
+pub struct Source {
+    /// The surface at its physical size.
+    pub mesh: SourceMesh,
+    /// Hash of the file's bytes and of all keys of `[input]`.
+    pub key: Key,
+    /// The `input` table of the report.
+    pub facts: Value,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+impl Source {
+    /// Reads, repairs and scales the mesh that `[input]` names.
+    pub fn load(config: &Config<'_>) -> Result<Self, InputError> {
+        let table = &config.input;
+        let sizing = Sizing::of(config)?;
+        let given = table.mesh.as_deref().ok_or_else(|| {
+            config.source.error("the config names no mesh; add [input] with mesh = \"FILE\"", None)
+        })?;
+        let path = config.source.folder().join(given);
+        let shown = path.display().to_string();
+        let missing = |err: std::io::Error| InputError::Missing { path: shown.clone(), reason: err.to_string() };
+        let bytes = fs::read(&path).map_err(missing)?;
+        let soup = reader::parse(&path, &bytes)
+            .map_err(|source| InputError::Unreadable { path: shown.clone(), source })?;
+        let options = RepairOptions {
+            component: match table.component {
+                ComponentKey::One => Component::Only,
+                ComponentKey::Largest => Component::Largest,
+                ComponentKey::All => Component::All,
+            },
+            fill_holes: table.fill_holes,
+        };
+        let (mut mesh, repairs) =
+            repair(soup, &options).map_err(|source| InputError::Refused { path: shown, source })?;
+        let mut warnings = Vec::new();
+        let scale = sizing.scale(&mesh.bounds().size(), table.up.unwrap_or_else(|| usual_up(given)), &mut warnings);
+        mesh.positions_mut().as_mut_slice().iter_mut().for_each(|p| *p *= scale);
+        let mut hasher = blake3::Hasher::new();
+        let keys = serde_json::to_string(table).expect("[input] is plain data with string keys");
+        for field in [&bytes, keys.as_bytes(), &VERSION.to_le_bytes()] {
+            hasher.update(&(field.len() as u64).to_le_bytes());
+            hasher.update(field);
+        }
+        let file = given.file_name().unwrap_or(given.as_os_str()).to_string_lossy().into_owned();
+        let mesh = SourceMesh { mesh, file, repairs: repairs.iter().map(ToString::to_string).collect() };
+        Ok(Self { facts: facts(&mesh), mesh, key: *hasher.finalize().as_bytes(), warnings })
+    }
+}
+
+/// How the physical size is given.
+enum Sizing {
+    Factor(f64),
+    /// Extent along an axis of (width, height, depth), or the diagonal, in mm.
+    Along(Axis, f64),
+    Unknown,
+}
+
+enum Axis {
+    Width,
+    Height,
+    Depth,
+    Diagonal,
+}
+
+impl Sizing {
+    fn of(config: &Config<'_>) -> Result<Self, ConfigError> {
+        let table = &config.input;
+        let length = |it: Option<Length>| it.map(|it| it.mm);
+        let given: Vec<(&str, Self, f64)> = [
+            ("units", table.units.map(Unit::millimetres), Self::Factor as fn(f64) -> Self),
+            ("scale", table.scale, Self::Factor),
+            ("width", length(table.width), |mm| Self::Along(Axis::Width, mm)),
+            ("height", length(table.height), |mm| Self::Along(Axis::Height, mm)),
+            ("depth", length(table.depth), |mm| Self::Along(Axis::Depth, mm)),
+            ("diagonal", length(table.diagonal), |mm| Self::Along(Axis::Diagonal, mm)),
+        ]
+        .into_iter()
+        .filter_map(|(key, value, make)| value.map(|it| (key, make(it), it)))
+        .collect();
+        let span = |key: &str| config.input_spans.get(key).cloned();
+        if let Some((key, _, value)) = given.iter().find(|it| !(it.2 > 0.0 && it.2.is_finite())) {
+            return Err(config.source.error(format!("`input.{key}` must be more than 0, not {value}"), span(key)));
+        }
+        let mut given = given.into_iter();
+        match (given.next(), given.next()) {
+            (None, _) => Ok(Self::Unknown),
+            (Some(only), None) => Ok(only.1),
+            (Some(first), Some(second)) => {
+                let message = format!("`input.{}` and `input.{}` both give the size; keep one", first.0, second.0);
+                Err(config.source.error(message, span(second.0)))
+            }
+        }
+    }
+
+    fn scale(&self, size: &crate::geom::Vec3, up: Up, warnings: &mut Vec<String>) -> f64 {
+        let (height, depth) = match up {
+            Up::Y => (size.y, size.z),
+            Up::Z => (size.z, size.y),
+        };
+        // A flat model has no height; its diagonal stands in, so that nothing is divided by 0.
+        let along = |extent: f64, mm: f64| if extent > 0.0 { mm / extent } else { mm / size.norm() };
+        match self {
+            Self::Factor(factor) => *factor,
+            Self::Along(Axis::Width, mm) => along(size.x, *mm),
+            Self::Along(Axis::Height, mm) => along(height, *mm),
+            Self::Along(Axis::Depth, mm) => along(depth, *mm),
+            Self::Along(Axis::Diagonal, mm) => mm / size.norm(),
+            Self::Unknown if PLAUSIBLE.contains(&size.norm()) => 1.0,
+            Self::Unknown => {
+                warnings.push(format!(
+                    "the file has no unit and would be {:.4} mm across; it is made {FALLBACK_HEIGHT} mm high. \
+                     Set input.units, input.scale or input.height",
+                    size.norm()
+                ));
+                along(height, FALLBACK_HEIGHT)
+            }
+        }
+    }
+}
+
+/// STL comes from CAD and printing, where z is up; the others from modelling and scanning, where y is.
+fn usual_up(path: &Path) -> Up {
+    if path.extension().is_some_and(|it| it.eq_ignore_ascii_case("stl")) { Up::Z } else { Up::Y }
+}
+
+fn facts(source: &SourceMesh) -> Value {
+    let mesh = &source.mesh;
+    let size = mesh.bounds().size();
+    json!({
+        "file": source.file,
+        "vertices": mesh.vertex_count(),
+        "faces": mesh.face_count(),
+        "components": mesh.components().1,
+        "boundary_loops": mesh.boundary_loops().len(),
+        "genus": mesh.genus(),
+        "diagonal_mm": mesh.bounds().diagonal(),
+        "size_mm": [size.x, size.y, size.z],
+        "repairs": source.repairs,
+    })
+}

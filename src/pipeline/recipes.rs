@@ -1,0 +1,33 @@
+//! The registry of stages and the named recipes.
+use crate::{
+    stage::StageDef,
+    stages::{coarsen, cut, develop, flatten, layout, nest, route},
+};
+
+/// Every stage; a new one is one line here.
+pub const STAGES: &[StageDef] = &[
+    StageDef::of::<coarsen::stage::Coarsen>(),
+    StageDef::of::<develop::stage::Develop>(),
+    StageDef::of::<cut::stage::Cut>(),
+    StageDef::of::<flatten::stage::Flatten>(),
+    StageDef::of::<layout::stage::Layout>(),
+    StageDef::of::<nest::stage::Nest>(),
+    StageDef::of::<route::stage::Route>(),
+];
+
+/// A pipeline with a name.
+pub struct Recipe {
+    /// `recipe = "…"` in the config.
+    pub name: &'static str,
+    /// One line for people.
+    pub about: &'static str,
+    /// Names of its stages, in order.
+    pub stages: &'static [&'static str],
+}
+
+/// Every recipe.
+pub const RECIPES: &[Recipe] = &[Recipe {
+    name: "developable",
+    about: "make a mesh piecewise developable, cut it along its seams and flatten the pieces",
+    stages: &["coarsen", "develop", "cut", "flatten", "layout", "nest", "route"],
+}];

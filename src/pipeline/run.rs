@@ -1,0 +1,187 @@
+//! Runs a plan: cache or compute, then write everything.
+use std::{
+    collections::BTreeSet,
+    path::Path,
+    sync::atomic::{AtomicBool, Ordering},
+    time::Instant,
+};
+
+use serde_json::{Value, json};
+
+use super::{
+    cache::{Cache, Lookup},
+    input::Source,
+    output::{Output, OutputError},
+    plan::Plan,
+};
+use crate::{
+    emit,
+    model::{Noun, SourceMesh},
+    numeric::Monitor,
+    report::{self, StageRow},
+    stage::{Check, Cx, Key, Section, Store},
+};
+
+/// What happens during a run, for whoever shows it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Event<'a> {
+    /// A stage begins.
+    Started {
+        /// Its name.
+        stage: &'a str,
+    },
+    /// A stage is at work.
+    Progress {
+        /// Share done, in [0, 1].
+        done: f64,
+        /// What it does at the moment.
+        note: &'a str,
+    },
+    /// A stage is done.
+    Finished {
+        /// Its name.
+        stage: &'a str,
+        /// Time taken.
+        seconds: f64,
+        /// Whether the result came from the cache.
+        cached: bool,
+    },
+    /// Something the user should know.
+    Warning(&'a str),
+}
+
+/// Which stages to run.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Range {
+    /// Compute this stage and all later ones even where the cache has them.
+    pub from: Option<String>,
+    /// Stop after this stage.
+    pub to: Option<String>,
+}
+
+/// Why a run did not end well enough to have a complete report.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// Ctrl-C, or whoever called asked to stop.
+    #[error("interrupted; finished stages are kept, and the next run goes on from there")]
+    Interrupted,
+    /// Output.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+}
+
+/// How a run ended.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// `report.json`.
+    pub report: Value,
+    /// The stage that could not finish, with its reasons from the outside in.
+    pub failure: Option<(String, Vec<String>)>,
+}
+
+impl Outcome {
+    /// Whether all checks hold and every stage finished.
+    pub fn ok(&self) -> bool {
+        self.report["status"] == "ok"
+    }
+}
+
+/// Runs the stages of `plan` on `source` and writes all results under `out`.
+///
+/// A stage that fails ends the computation, not the run: what was finished is written and the report says what failed.
+pub fn run(
+    plan: &Plan,
+    source: Source,
+    out: &Path,
+    range: &Range,
+    cancel: &AtomicBool,
+    tell: &(dyn Fn(Event<'_>) + Sync),
+) -> Result<Outcome, RunError> {
+    let start = Instant::now();
+    let output = Output::open(out)?;
+    let cache = Cache::new(out);
+    let cancelled = || cancel.load(Ordering::Relaxed);
+    let progress = |done: f64, note: &str| tell(Event::Progress { done, note });
+    let seconds = || start.elapsed().as_secs_f64();
+    let cx = Cx { seed: plan.seed, monitor: Monitor::new(&cancelled, &progress, &seconds) };
+
+    let Source { mesh, key, facts } = source;
+    let mut store = Store::default();
+    store.put(mesh.wrap(), key);
+    let mut section = Section::new("input", facts);
+    let mut rows = Vec::new();
+    let mut failure = None;
+    let mut forced = false;
+    for (def, ready) in &plan.stages {
+        if cancelled() {
+            return Err(RunError::Interrupted);
+        }
+        let lap = Instant::now();
+        tell(Event::Started { stage: def.name });
+        let key = stage_key(&store, def.needs, &ready.options_key);
+        forced |= range.from.as_deref() == Some(def.name);
+        let found = match if forced { Lookup::Miss } else { cache.get(def, &key) } {
+            Lookup::Hit(artifact, section) => Some((artifact, section)),
+            Lookup::Miss => None,
+            Lookup::Broken(why) => {
+                tell(Event::Warning(&format!("cache: {why}; computing `{}` again", def.name)));
+                None
+            }
+        };
+        let cached = found.is_some();
+        let made = match found {
+            Some(it) => it,
+            None => match (ready.run)(&store, &cx) {
+                Ok(it) => it,
+                Err(_) if cancelled() => return Err(RunError::Interrupted),
+                Err(err) => {
+                    let mut reasons = vec![err.to_string()];
+                    let mut cause = err.source();
+                    while let Some(it) = cause {
+                        reasons.push(it.to_string());
+                        cause = it.source();
+                    }
+                    failure = Some((def.name.to_owned(), reasons));
+                    break;
+                }
+            },
+        };
+        if !cached {
+            // A full disk must not lose the result: it only costs the next run its cache.
+            if let Err(err) = cache.put(def, &key, &made.0, &made.1) {
+                tell(Event::Warning(&format!("cache: the result of `{}` could not be kept: {err}", def.name)));
+            }
+        }
+        let seconds = lap.elapsed().as_secs_f64();
+        tell(Event::Finished { stage: def.name, seconds, cached });
+        store.put(made.0, key);
+        section.tables.extend(made.1.tables);
+        section.checks.extend(made.1.checks);
+        rows.push(StageRow { name: def.name, seconds, cached });
+        if range.to.as_deref() == Some(def.name) {
+            break;
+        }
+    }
+    if let Some((stage, reasons)) = &failure {
+        section.checks.push(Check {
+            name: stage.clone(),
+            ok: false,
+            value: 0.0,
+            limit: 1.0,
+            unit: "stage finished".into(),
+            note: reasons.join(": "),
+        });
+    }
+    let report = write_all(plan, &store, &output, section, &rows, &cx, &start, tell)?;
+    Ok(Outcome { report, failure })
+}
+
+/// Hash of the options of a stage and the keys of all its inputs.
+fn stage_key(store: &Store, needs: &[crate::model::Kind], options: &Key) -> Key {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(options);
+    for &kind in needs {
+        hasher.update(&store.key(kind).expect("the plan proved that every input is made"));
+    }
+    *hasher.finalize().as_bytes()
+}
