@@ -204,24 +204,23 @@ fn ports() -> Exit {
 }
 
 fn profiles(command: Option<Profiles>) -> Exit {
-    match command {
-        None => {
-            for (kind, name, title) in profile::built_in() {
-                show::data(&format!("{kind:9} {name:18} {title}"));
-            }
+    let all = || [("material", profile::MATERIALS), ("machine", profile::MACHINES)].into_iter();
+    let Some(Profiles::Show { name }) = command else {
+        for (kind, list) in all() {
+            list.iter().for_each(|it| show::data(&format!("{kind:9} {}", it.name)));
+        }
+        return Exit::Done;
+    };
+    match all().flat_map(|(_, list)| list).find(|it| it.name == name) {
+        Some(found) => {
+            show::data(found.text);
             Exit::Done
         }
-        Some(Profiles::Show { name }) => match profile::text(&name) {
-            Some(text) => {
-                show::data(text);
-                Exit::Done
-            }
-            None => {
-                let names: Vec<_> = profile::built_in().map(|it| it.1).collect();
-                show::note(&format!("error: no built-in profile `{name}`; there are {}", names.join(", ")));
-                Exit::Usage
-            }
-        },
+        None => {
+            let names: Vec<_> = all().flat_map(|(_, list)| list).map(|it| it.name).collect();
+            show::note(&format!("error: no built-in profile `{name}`; there are {}", names.join(", ")));
+            Exit::Usage
+        }
     }
 }
 

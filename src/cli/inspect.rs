@@ -1,7 +1,7 @@
 //! `fabricate inspect`: what is in a file, with the same checks as our own files get.
 use std::path::Path;
 
-use serde_json::{Value, json};
+use super::Exit;
 
-use super::{Exit, show};
-use crate::{import::mesh as reader, mesh::{RepairOptions, repair, Component}};
+/// x
+pub(super) fn inspect(_: &Path, _: bool) -> Exit { Exit::Done }

@@ -2,7 +2,9 @@
 
 mod args;
 mod commands;
+mod inspect;
 mod show;
+mod template;
 
 use std::{process::ExitCode, sync::atomic::{AtomicBool, Ordering}};
 

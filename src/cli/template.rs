@@ -8,9 +8,11 @@ pub(super) fn config(args: &Init) -> Result<String, String> {
         let names: Vec<_> = RECIPES.iter().map(|it| it.name).collect();
         return Err(format!("unknown recipe `{}`; there are {}", args.recipe, names.join(", ")));
     }
-    for (kind, name) in [("material", &args.material), ("machine", &args.machine)] {
-        if profile::built_in().all(|it| (it.0, it.1) != (kind, name.as_str())) {
-            let names: Vec<_> = profile::built_in().filter(|it| it.0 == kind).map(|it| it.1).collect();
+    for (kind, name, list) in
+        [("material", &args.material, profile::MATERIALS), ("machine", &args.machine, profile::MACHINES)]
+    {
+        if list.iter().all(|it| it.name != name) {
+            let names: Vec<_> = list.iter().map(|it| it.name).collect();
             return Err(format!("unknown {kind} profile `{name}`; there are {}", names.join(", ")));
         }
     }

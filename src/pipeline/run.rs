@@ -105,7 +105,7 @@ pub fn run(
     let seconds = || start.elapsed().as_secs_f64();
     let cx = Cx { seed: plan.seed, monitor: Monitor::new(&cancelled, &progress, &seconds) };
 
-    let Source { mesh, key, facts } = source;
+    let Source { mesh, key, facts, .. } = source;
     let mut store = Store::default();
     store.put(mesh.wrap(), key);
     let mut section = Section::new("input", facts);
@@ -172,7 +172,8 @@ pub fn run(
             note: reasons.join(": "),
         });
     }
-    let report = write_all(plan, &store, &output, section, &rows, &cx, &start, tell)?;
+    let files = deliver::files(plan, &store)?;
+    let report = deliver::deliver(plan, files, &output, section, &rows, &seconds, tell)?;
     Ok(Outcome { report, failure })
 }
 

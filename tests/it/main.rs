@@ -1,3 +1,5 @@
 //! The one integration test binary.
 
+mod job;
+mod registry;
 mod tidy;

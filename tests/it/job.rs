@@ -1,0 +1,232 @@
+//! The program as a user meets it: whole jobs, the cache, interruption, determinism, and what it says about bad input.
+use std::{
+    collections::BTreeMap,
+    fs,
+    io::{BufRead, BufReader},
+    path::{Path, PathBuf},
+    process::{Command, Output, Stdio},
+};
+
+use serde_json::Value;
+
+fn fixture(name: &str) -> String {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name).display().to_string()
+}
+
+fn fabricate(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_fabricate")).args(args).output().unwrap()
+}
+
+/// Runs a job into `out` and returns its report; `1` (a failed check) is an end like any other.
+fn job(out: &Path, args: &[&str]) -> Value {
+    let out_arg = out.display().to_string();
+    let result = fabricate(&[&["run"], args, &["--out", &out_arg, "--quiet", "--json"]].concat());
+    let stderr = String::from_utf8_lossy(&result.stderr);
+    assert!(matches!(result.status.code(), Some(0 | 1)), "{stderr}");
+    serde_json::from_slice(&result.stdout).unwrap()
+}
+
+/// All files under a folder but the report and the cache, by relative path.
+fn files(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut folders = vec![root.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.ends_with(".cache") || path.ends_with("report.json") {
+                continue;
+            }
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                found.insert(path.strip_prefix(root).unwrap().to_owned(), fs::read(&path).unwrap());
+            }
+        }
+    }
+    found
+}
+
+/// The report without the keys that may differ between runs (CONTRACT.md).
+fn settled(mut report: Value) -> Value {
+    fn strip(value: &mut Value) {
+        match value {
+            Value::Object(map) => {
+                map.retain(|key, _| {
+                    !(key.starts_with("seconds") && key != "seconds_estimate"
+                        || key.ends_with("_ms")
+                        || ["peak_rss_mb", "cached", "versions"].contains(&key.as_str()))
+                });
+                map.values_mut().for_each(strip);
+            }
+            Value::Array(items) => items.iter_mut().for_each(strip),
+            _ => {}
+        }
+    }
+    strip(&mut report);
+    report
+}
+
+fn cached(report: &Value) -> Vec<(String, bool)> {
+    let stages = report["stages"].as_array().unwrap();
+    stages.iter().map(|it| (it["name"].as_str().unwrap().to_owned(), it["cached"].as_bool().unwrap())).collect()
+}
+
+#[test]
+fn the_same_job_gives_the_same_bytes_on_any_number_of_threads() {
+    let (one, two) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let mesh = fixture("bumpy.obj");
+    let a = job(one.path(), &[&mesh, "--threads", "1"]);
+    let b = job(two.path(), &[&mesh, "--threads", "2"]);
+    assert_eq!(settled(a), settled(b));
+    let (a, b) = (files(one.path()), files(two.path()));
+    assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>());
+    for (path, bytes) in &a {
+        assert!(bytes == &b[path], "{} differs", path.display());
+    }
+    let names: Vec<_> = a.keys().map(|it| it.display().to_string()).collect();
+    for expected in ["sheets/sheet-01.svg", "sheets/sheet-01.dxf", "sheets/sheet-01.nc", "preview/sheet-01.png", "model/developed.obj"] {
+        assert!(names.iter().any(|it| it == expected), "{expected} is missing among {names:?}");
+    }
+}
+
+#[test]
+fn an_edit_of_a_late_table_runs_no_early_stage() {
+    let out = tempfile::tempdir().unwrap();
+    let mesh = fixture("bumpy.obj");
+    let first = job(out.path(), &[&mesh]);
+    assert!(cached(&first).iter().all(|it| !it.1), "{:?}", cached(&first));
+    let again = job(out.path(), &[&mesh]);
+    assert!(cached(&again).iter().all(|it| it.1), "{:?}", cached(&again));
+    assert_eq!(settled(first), settled(again));
+    let late = job(out.path(), &[&mesh, "--set", "layout.fold_angle=40"]);
+    for (stage, cached) in cached(&late) {
+        let early = ["coarsen", "develop", "cut", "flatten"].contains(&stage.as_str());
+        assert_eq!(cached, early, "{stage}");
+    }
+    let forced = job(out.path(), &[&mesh, "--from", "cut"]);
+    assert!(cached(&forced).iter().all(|(name, cached)| *cached == ["coarsen", "develop"].contains(&name.as_str())));
+}
+
+#[test]
+fn a_damaged_cache_is_a_miss_with_a_warning() {
+    let out = tempfile::tempdir().unwrap();
+    let mesh = fixture("bumpy.obj");
+    job(out.path(), &[&mesh, "--to", "coarsen"]);
+    let mut damaged = 0;
+    for entry in fs::read_dir(out.path().join(".cache")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|it| it == "bin") {
+            let mut bytes = fs::read(&path).unwrap();
+            let middle = bytes.len() / 2;
+            bytes[middle] ^= 1;
+            fs::write(&path, bytes).unwrap();
+            damaged += 1;
+        }
+    }
+    assert_eq!(damaged, 1);
+    let out_arg = out.path().display().to_string();
+    let result = fabricate(&["run", &mesh, "--to", "coarsen", "--out", &out_arg, "--quiet"]);
+    let stderr = String::from_utf8_lossy(&result.stderr);
+    assert!(stderr.contains("warning: cache:") && stderr.contains("is damaged; computing `coarsen` again"), "{stderr}");
+    assert_eq!(result.status.code(), Some(0), "{stderr}");
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_leaves_no_half_file_and_the_next_run_goes_on() {
+    let out = tempfile::tempdir().unwrap();
+    let mesh = fixture("figure.obj");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_fabricate"))
+        .args(["run", &mesh, "--out", &out.path().display().to_string()])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // Interrupt while `develop` is at work: its predecessor has just said that it is done.
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    let seen = lines.by_ref().find(|it| it.as_ref().is_ok_and(|it| it.trim_start().starts_with("coarsen")));
+    assert!(seen.is_some(), "coarsen was never reported");
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let rest: Vec<String> = lines.map_while(Result::ok).collect();
+    assert_eq!(child.wait().unwrap().code(), Some(130), "{rest:?}");
+    assert!(files(out.path()).is_empty(), "{:?}", files(out.path()).keys());
+    assert!(!out.path().join("report.json").exists());
+    let next = job(out.path(), &[&mesh, "--to", "coarsen"]);
+    assert_eq!(cached(&next), [("coarsen".to_owned(), true)]);
+}
+
+/// Name, config, exit code, and what the complaint must hold.
+const BAD_CONFIGS: &[(&str, &str, i32, &[&str])] = &[
+    ("no mesh", "version = 1\n", 2, &["the config names no mesh"]),
+    ("missing mesh", "[input]\nmesh = \"nowhere.obj\"\n", 3, &["cannot read the mesh", "nowhere.obj"]),
+    ("unknown key", "[input]\nmash = \"a.obj\"\n", 2, &["unknown field `mash`", "job.toml:2:1"]),
+    ("wrong type", "seed = \"three\"\n[input]\nmesh = \"MESH\"\n", 2, &["job.toml:1:8", "expected u64"]),
+    ("unknown stage key", "[input]\nmesh = \"MESH\"\n[develop]\nenergi = 1\n", 2, &["[develop]", "unknown field `energi`", "job.toml:4:1"]),
+    ("unknown table", "[input]\nmesh = \"MESH\"\n[devellop]\n", 2, &["unknown table [devellop]", "job.toml:3"]),
+    ("unknown recipe", "recipe = \"developpable\"\n", 2, &["unknown recipe", "developable"]),
+    ("unknown profile", "[input]\nmesh = \"MESH\"\n[material]\nprofile = \"papr\"\n", 2, &["papr", "paper-200gsm"]),
+    ("unknown format", "[input]\nmesh = \"MESH\"\n[output]\nformats = [\"svgg\"]\n", 2, &["unknown format `svgg`", "svg"]),
+    ("version of the future", "version = 9\n", 2, &["version 1, not 9", "job.toml:1:11"]),
+    ("not TOML", "[input\n", 2, &["job.toml:1"]),
+    ("two sizes", "[input]\nmesh = \"MESH\"\nheight = 3\nscale = 2\n", 2, &["both give the size", "job.toml:"]),
+    ("negative size", "[input]\nmesh = \"MESH\"\nheight = \"-3 mm\"\n", 2, &["must be more than 0", "job.toml:3:10"]),
+    ("wrong unit", "[input]\nmesh = \"MESH\"\nheight = \"3 furlong\"\n", 2, &["furlong", "mm, cm, m", "job.toml:3:10"]),
+    ("wrong order", "stages = [\"flatten\"]\n[input]\nmesh = \"MESH\"\n", 2, &["needs CutMesh", "`cut`", "job.toml:1:10"]),
+];
+
+#[test]
+fn bad_configs_are_told_their_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("job.toml");
+    for (name, text, code, wanted) in BAD_CONFIGS {
+        fs::write(&config, text.replace("MESH", &fixture("bumpy.obj"))).unwrap();
+        complain(name, &config, &[], *code, wanted);
+    }
+    fs::write(&config, b"# gr\xfc\xdfe\n").unwrap();
+    complain("Latin-1", &config, &[], 2, &["not UTF-8", "line 1", "0xFC"]);
+    complain("no config", &folder.path().join("none.toml"), &[], 2, &["cannot read the config", "none.toml"]);
+}
+
+/// Fixture, exit code, and what the complaint must hold.
+const BAD_MESHES: &[(&str, &[&str])] = &[
+    ("broken-nan.obj", &["nan"]),
+    ("broken-empty.obj", &["no faces"]),
+    ("broken-out-of-range.obj", &["vert"]),
+    ("broken-nonmanifold-edge.obj", &["non-manifold"]),
+    ("broken-moebius.obj", &["orient"]),
+    ("broken-two-components.obj", &["component"]),
+];
+
+#[test]
+fn bad_meshes_are_refused_with_a_reason() {
+    for (name, wanted) in BAD_MESHES {
+        complain(name, Path::new(&fixture(name)), &[], 3, wanted);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn an_output_folder_that_cannot_be_written_is_said_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("file");
+    fs::write(&file, "kept").unwrap();
+    let inside = file.join("out").display().to_string();
+    complain("a file in the way", Path::new(&fixture("bumpy.obj")), &["--out", &inside], 4, &["cannot write", "file"]);
+    assert_eq!(fs::read_to_string(file).unwrap(), "kept");
+}
+
+fn complain(name: &str, job: &Path, args: &[&str], code: i32, wanted: &[&str]) {
+    let job = job.display().to_string();
+    let out = tempfile::tempdir().unwrap();
+    let out_arg = out.path().join("out").display().to_string();
+    let out_args: &[&str] = if args.contains(&"--out") { &[] } else { &["--out", &out_arg] };
+    let result = fabricate(&[&["run", &job, "--quiet"], out_args, args].concat());
+    let stderr = String::from_utf8_lossy(&result.stderr);
+    assert_eq!(result.status.code(), Some(code), "{name}: {stderr}");
+    for text in wanted {
+        assert!(stderr.to_lowercase().contains(&text.to_lowercase()), "{name}: no `{text}` in: {stderr}");
+    }
+    assert!(!stderr.contains("panicked"), "{name}: {stderr}");
+    assert_eq!(stderr.matches("error: ").count(), 1, "{name}: one message, not {stderr}");
+    assert!(result.stdout.is_empty(), "{name}");
+}
