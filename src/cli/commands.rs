@@ -133,29 +133,28 @@ fn check(args: &Check) -> Exit {
     for warning in plan.warnings.iter().chain(&source.warnings) {
         show::warning(warning);
     }
-    let stages: Vec<_> = plan.stages.iter().map(|(def, _)| def.name).collect();
     let facts = &source.facts;
-    let size = source.mesh.mesh.bounds().size();
+    let stages: Vec<_> = plan.stages.iter().map(|(def, _)| def.name).collect();
+    let list = |key: &str| facts[key].as_array().cloned().unwrap_or_default();
+    let size: Vec<String> = list("size_mm").iter().filter_map(|it| it.as_f64()).map(|it| format!("{it:.1}")).collect();
     show::data(&format!(
-        "    recipe  {}: {}\n      mesh  {}, {} vertices, {} faces, genus {}, {} boundary loops\n      size  {:.1} x {:.1} x {:.1} mm\n  \
+        "    recipe  {}: {}\n      mesh  {}, {} vertices, {} faces, genus {}, {} boundary loops\n      size  {} mm\n  \
          material  {}\n   machine  {}\n   formats  {}\n    output  {}\n",
         plan.recipe,
         stages.join(" > "),
-        source.mesh.file,
+        facts["file"].as_str().unwrap_or_default(),
         facts["vertices"],
         facts["faces"],
         facts["genus"],
         facts["boundary_loops"],
-        size.x,
-        size.y,
-        size.z,
+        size.join(" x "),
         plan.profiles.material.title,
         plan.profiles.machine.title,
         plan.formats.join(", "),
         dir.display(),
     ));
-    for repair in &source.mesh.repairs {
-        show::data(&format!("  repaired  {repair}\n"));
+    for repair in list("repairs") {
+        show::data(&format!("  repaired  {}\n", repair.as_str().unwrap_or_default()));
     }
     Exit::Done
 }

@@ -5,7 +5,7 @@ use crate::{
     geom::{Vec2, Vec3},
     mesh::{EdgeId, FaceId, Field, HalfedgeId, Id, TriMesh, VertexId},
     model::{
-        Artifact, CutMesh, DevelopableMesh, Flattening, Kind, Mark, Noun, Operation, Overlap, Part, Parts, Piece, PieceId,
+        Artifact, CutMesh, DevelopableMesh, Flattening, Kind, Mark, Noun, Opening, Operation, Overlap, Part, Parts, Piece, PieceId,
         Placement, Round, Seam, Sheet, SheetPaths, Sheets, SourceMesh, Toolpath, Toolpaths,
     },
 };
@@ -104,6 +104,16 @@ impl<T: Codec, const N: usize> Codec for [T; N] {
     }
 }
 
+impl<A: Codec, B: Codec> Codec for (A, B) {
+    fn put(&self, out: &mut Vec<u8>) {
+        self.0.put(out);
+        self.1.put(out);
+    }
+    fn get(reader: &mut Reader<'_>) -> Result<Self, Corrupt> {
+        Ok((A::get(reader)?, B::get(reader)?))
+    }
+}
+
 impl<I: Id, T: Codec> Codec for Field<I, T> {
     fn put(&self, out: &mut Vec<u8>) {
         self.len().put(out);
@@ -195,13 +205,14 @@ records! {
     Flattening { uv, log_factor, overlaps, stretch_limit }
     Mark { operation, points, closed }
     Part { name, contours, marks }
-    Parts { parts, refused }
+    Opening { part, width, area }
+    Parts { parts, refused, openings, unlabelled }
     Placement { part, angle, offset }
     Sheet { size, parts, placements }
     Sheets { sheets, margin, gap, unplaced }
     Toolpath { operation, points, part }
     SheetPaths { size, paths }
-    Toolpaths { sheets, cut_length, travel_length, lifts, seconds }
+    Toolpaths { sheets, cut_length, travel_length, lifts, seconds, left_out }
 }
 
 macro_rules! artifacts {

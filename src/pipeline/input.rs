@@ -1,23 +1,21 @@
 //! The input mesh: read, repaired, brought to its physical size.
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::config::{Config, ConfigError};
+use super::{
+    codec,
+    config::{Config, ConfigError},
+};
 use crate::{
-    import::{ImportError, mesh as reader},
+    import::mesh::{self as reader, ImportError},
     mesh::{Component, MeshRefusal, RepairOptions, repair},
-    model::SourceMesh,
+    model::{Artifact, Noun, SourceMesh},
     profile::Length,
     stage::Key,
 };
 
-/// Raise when the same bytes may give another `SourceMesh`.
-const VERSION: u32 = 1;
 /// Diagonals outside of this range, mm, are taken for a missing unit when the config gives neither unit nor size.
 const PLAUSIBLE: std::ops::RangeInclusive<f64> = 20.0..=3000.0;
 /// Height given to a model of implausible size, mm.
@@ -90,22 +88,9 @@ pub enum InputError {
     /// A key of `[input]`.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// The file is missing or cannot be read.
-    #[error("cannot read the mesh {path}: {reason}")]
-    Missing {
-        /// The file.
-        path: String,
-        /// What the system said.
-        reason: String,
-    },
-    /// The file holds something else.
-    #[error("cannot read the mesh {path}")]
-    Unreadable {
-        /// The file.
-        path: String,
-        /// What the reader said.
-        source: ImportError,
-    },
+    /// The file is missing, cannot be read or holds something else.
+    #[error("cannot read the mesh")]
+    Unreadable(#[from] ImportError),
     /// The surface cannot be worked with.
     #[error("the mesh {path} is refused")]
     Refused {
@@ -119,9 +104,9 @@ pub enum InputError {
 /// The input of a run.
 #[derive(Debug, Clone)]
 pub struct Source {
-    /// The surface at its physical size.
-    pub mesh: SourceMesh,
-    /// Hash of the file's bytes and of all keys of `[input]`.
+    /// The surface at its physical size, a [`SourceMesh`].
+    pub artifact: Artifact,
+    /// Hash of its content.
     pub key: Key,
     /// The `input` table of the report.
     pub facts: Value,
@@ -138,11 +123,7 @@ impl Source {
             config.source.error("the config names no mesh; add [input] with mesh = \"FILE\"", None)
         })?;
         let path = config.source.folder().join(given);
-        let shown = path.display().to_string();
-        let missing = |err: std::io::Error| InputError::Missing { path: shown.clone(), reason: err.to_string() };
-        let bytes = fs::read(&path).map_err(missing)?;
-        let soup = reader::parse(&path, &bytes)
-            .map_err(|source| InputError::Unreadable { path: shown.clone(), source })?;
+        let soup = reader::read(&path)?;
         let options = RepairOptions {
             component: match table.component {
                 ComponentKey::One => Component::Only,
@@ -152,19 +133,16 @@ impl Source {
             fill_holes: table.fill_holes,
         };
         let (mut mesh, repairs) =
-            repair(soup, &options).map_err(|source| InputError::Refused { path: shown, source })?;
+            repair(soup, &options).map_err(|source| InputError::Refused { path: path.display().to_string(), source })?;
         let mut warnings = Vec::new();
         let scale = sizing.scale(&mesh.bounds().size(), table.up.unwrap_or_else(|| usual_up(given)), &mut warnings);
         mesh.positions_mut().as_mut_slice().iter_mut().for_each(|p| *p *= scale);
-        let mut hasher = blake3::Hasher::new();
-        let keys = serde_json::to_string(table).expect("[input] is plain data with string keys");
-        for field in [&bytes, keys.as_bytes(), &VERSION.to_le_bytes()] {
-            hasher.update(&(field.len() as u64).to_le_bytes());
-            hasher.update(field);
-        }
         let file = given.file_name().unwrap_or(given.as_os_str()).to_string_lossy().into_owned();
         let mesh = SourceMesh { mesh, file, repairs: repairs.iter().map(ToString::to_string).collect() };
-        Ok(Self { facts: facts(&mesh), mesh, key: *hasher.finalize().as_bytes(), warnings })
+        let facts = facts(&mesh);
+        let artifact = mesh.wrap();
+        let key = *blake3::hash(&codec::encode(&artifact)).as_bytes();
+        Ok(Self { artifact, key, facts, warnings })
     }
 }
 

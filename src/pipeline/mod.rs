@@ -3,6 +3,7 @@
 mod cache;
 mod codec;
 mod config;
+mod deliver;
 mod input;
 mod output;
 mod plan;

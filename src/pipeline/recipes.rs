@@ -10,7 +10,7 @@ pub const STAGES: &[StageDef] = &[
     StageDef::of::<develop::stage::Develop>(),
     StageDef::of::<cut::stage::Cut>(),
     StageDef::of::<flatten::stage::Flatten>(),
-    StageDef::of::<layout::stage::Layout>(),
+    StageDef::of::<layout::stage::LayoutStage>(),
     StageDef::of::<nest::stage::Nest>(),
     StageDef::of::<route::stage::Route>(),
 ];

@@ -1,24 +1,23 @@
 //! Runs a plan: cache or compute, then write everything.
 use std::{
-    collections::BTreeSet,
     path::Path,
     sync::atomic::{AtomicBool, Ordering},
     time::Instant,
 };
 
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use super::{
     cache::{Cache, Lookup},
+    deliver::deliver,
     input::Source,
     output::{Output, OutputError},
     plan::Plan,
 };
 use crate::{
-    emit,
-    model::{Noun, SourceMesh},
+    model::Kind,
     numeric::Monitor,
-    report::{self, StageRow},
+    report::StageRow,
     stage::{Check, Cx, Key, Section, Store},
 };
 
@@ -105,9 +104,9 @@ pub fn run(
     let seconds = || start.elapsed().as_secs_f64();
     let cx = Cx { seed: plan.seed, monitor: Monitor::new(&cancelled, &progress, &seconds) };
 
-    let Source { mesh, key, facts, .. } = source;
+    let Source { artifact, key, facts, .. } = source;
     let mut store = Store::default();
-    store.put(mesh.wrap(), key);
+    store.put(artifact, key);
     let mut section = Section::new("input", facts);
     let mut rows = Vec::new();
     let mut failure = None;
@@ -172,13 +171,12 @@ pub fn run(
             note: reasons.join(": "),
         });
     }
-    let files = deliver::files(plan, &store)?;
-    let report = deliver::deliver(plan, files, &output, section, &rows, &seconds, tell)?;
+    let report = deliver(plan, &store, &output, section, &rows, &cx.monitor, tell)?;
     Ok(Outcome { report, failure })
 }
 
 /// Hash of the options of a stage and the keys of all its inputs.
-fn stage_key(store: &Store, needs: &[crate::model::Kind], options: &Key) -> Key {
+fn stage_key(store: &Store, needs: &[Kind], options: &Key) -> Key {
     let mut hasher = blake3::Hasher::new();
     hasher.update(options);
     for &kind in needs {

@@ -1,7 +1,7 @@
 //! `report.json`: what was made, how well, and where it lies. Keys are those of CONTRACT.md.
 use serde_json::{Map, Value, json};
 
-use crate::{emit::File, stage::Section};
+use crate::stage::Section;
 
 /// How a stage went.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -12,6 +12,19 @@ pub struct StageRow {
     pub seconds: f64,
     /// Whether the result came from the cache.
     pub cached: bool,
+}
+
+/// A file that was written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Written {
+    /// Relative to the output folder.
+    pub path: String,
+    /// Its format.
+    pub format: &'static str,
+    /// Size.
+    pub bytes: usize,
+    /// BLAKE3, hexadecimal.
+    pub hash: String,
 }
 
 /// Everything of a report that is not measured by a stage.
@@ -27,7 +40,7 @@ pub struct Frame<'a> {
     /// Time of the whole run, s.
     pub seconds: f64,
     /// The files written.
-    pub files: &'a [File],
+    pub files: &'a [Written],
 }
 
 /// Puts the report together. Tables of stages that did not run are absent.
@@ -55,10 +68,7 @@ pub fn report(frame: &Frame<'_>, section: Section) -> Value {
     let files: Vec<Value> = frame
         .files
         .iter()
-        .map(|it| {
-            let hash = blake3::hash(&it.bytes).to_hex();
-            json!({ "path": it.path, "format": it.format, "bytes": it.bytes.len(), "blake3": hash.as_str() })
-        })
+        .map(|it| json!({ "path": it.path, "format": it.format, "bytes": it.bytes, "blake3": it.hash }))
         .collect();
     put("files", json!(files));
     Value::Object(root)
