@@ -1,1 +1,5 @@
 //! pipeline
+
+mod verify;
+
+pub use verify::verify;
