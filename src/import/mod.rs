@@ -1,3 +1,14 @@
-//! Readers: meshes here, drawings and machine programs beside them.
+//! Readers: meshes, drawings (SVG, DXF, HPGL) and machine programs (G-code), our own and other people's.
 
+mod drawing;
+mod dxf;
+mod gcode;
+mod hpgl;
 pub mod mesh;
+mod svg;
+
+pub use drawing::{Drawing, DrawingError, DrawnLine};
+pub use dxf::read_dxf;
+pub use gcode::{Move, Program, Spindle, read_gcode};
+pub use hpgl::read_hpgl;
+pub use svg::read_svg;

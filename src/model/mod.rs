@@ -5,5 +5,7 @@ mod planar;
 mod shape;
 
 pub use nouns::{Artifact, Kind, Noun};
-pub use planar::{Mark, Opening, Operation, Part, Parts, Placement, Sheet, SheetPaths, Sheets, Toolpath, Toolpaths};
+pub use planar::{
+    Line, Mark, Opening, Operation, Part, Parts, Placement, Sheet, SheetPaths, Sheets, Toolpath, Toolpaths,
+};
 pub use shape::{CutMesh, DevelopableMesh, Flattening, Overlap, Piece, PieceId, Round, Seam, SourceMesh};

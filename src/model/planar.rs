@@ -93,6 +93,33 @@ pub struct Opening {
     pub area: f64,
 }
 
+impl Part {
+    /// Every line of the part: its contours as cuts, then its marks.
+    pub fn lines(&self) -> impl Iterator<Item = Line<'_>> {
+        let contours = self.contours.iter().enumerate().map(|(i, points)| Line {
+            operation: if i == 0 { Operation::CutOutside } else { Operation::CutInside },
+            points,
+            closed: true,
+        });
+        contours.chain(self.marks.iter().map(|it| Line {
+            operation: it.operation,
+            points: &it.points,
+            closed: it.closed,
+        }))
+    }
+}
+
+/// One line of a part or a sheet.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Line<'a> {
+    /// What it is for.
+    pub operation: Operation,
+    /// Its points, mm.
+    pub points: &'a [Vec2],
+    /// Whether the last point joins the first.
+    pub closed: bool,
+}
+
 /// All parts of a job.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Parts {

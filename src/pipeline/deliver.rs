@@ -1,6 +1,4 @@
 //! After the stages: files, their verification, pictures, and the report, which comes last.
-use std::collections::BTreeSet;
-
 use rayon::prelude::*;
 use serde_json::Value;
 
@@ -8,9 +6,10 @@ use super::{
     output::{Output, OutputError},
     plan::Plan,
     run::{Event, RunError},
+    verify::verify,
 };
 use crate::{
-    emit::{self, Nouns},
+    emit::{self, File, Nouns},
     mesh::TriMesh,
     model::{CutMesh, DevelopableMesh, Flattening, Parts, Sheets, SourceMesh, Toolpaths},
     numeric::{Cancelled, Monitor},
@@ -42,20 +41,27 @@ pub(super) fn deliver(
     let nouns =
         Nouns { parts: store.get::<Parts>(), sheets: store.get::<Sheets>(), toolpaths: store.get::<Toolpaths>() };
     let drawn = emit::files(&nouns, &plan.profiles, &plan.formats).expect("the plan proved that every format exists");
-    section.checks.extend(verify(&drawn, &nouns, plan));
-    let mut files: Vec<(String, &'static str, Vec<u8>)> =
-        drawn.into_iter().map(|it| (it.path, it.format, it.bytes)).collect();
     let jobs: Vec<Job<'_>> = models(store).into_iter().chain(pictures(store, plan)).collect();
     monitor.check()?;
-    files.par_extend(jobs.into_par_iter().map(|(path, format, make)| (path, format, make())));
+    let made: Vec<(String, &'static str, Vec<u8>)> =
+        jobs.into_par_iter().map(|(path, format, make)| (path, format, make())).collect();
 
     let mut written = Vec::new();
-    for (i, (path, format, bytes)) in files.iter().enumerate() {
+    let mut put = |path: &str, format: &'static str, bytes: &[u8]| -> Result<(), RunError> {
         monitor.check()?;
-        monitor.progress(i as f64 / files.len() as f64, path);
         output.write(path, bytes)?;
-        written.push(Written { path: path.clone(), format, bytes: bytes.len(), hash: blake3::hash(bytes).to_hex().to_string() });
+        let hash = blake3::hash(bytes).to_hex().to_string();
+        written.push(Written { path: path.to_owned(), format, bytes: bytes.len(), hash });
+        Ok(())
+    };
+    let mut read_back = Vec::new();
+    for file in drawn {
+        put(&file.path, file.format, &file.bytes)?;
+        let bytes = output.read(&file.path)?;
+        read_back.push(File { bytes, ..file });
     }
+    made.iter().try_for_each(|(path, format, bytes)| put(path, format, bytes))?;
+    section.checks.extend(verify(&read_back, &nouns, &plan.profiles));
     let frame = Frame {
         recipe: &plan.recipe,
         seed: plan.seed,
@@ -66,7 +72,7 @@ pub(super) fn deliver(
     };
     let report = report::report(&frame, section);
     output.write("report.json", format!("{report:#}\n").as_bytes())?;
-    output.sweep(&files.iter().map(|it| it.0.clone()).collect::<BTreeSet<_>>())?;
+    output.sweep(&written.iter().map(|it| it.path.clone()).collect())?;
     tell(Event::Finished { stage: "write", seconds: monitor.seconds() - start, cached: false });
     Ok(report)
 }

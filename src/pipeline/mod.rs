@@ -9,6 +9,7 @@ mod output;
 mod plan;
 mod recipes;
 mod run;
+mod verify;
 
 pub use config::{Config, ConfigError, ConfigText, Place};
 pub use input::{InputError, Source};
@@ -16,3 +17,4 @@ pub use output::OutputError;
 pub use plan::{Plan, PlanError, plan};
 pub use recipes::{RECIPES, Recipe, STAGES};
 pub use run::{Event, Outcome, Range, RunError, run};
+pub use verify::verify;

@@ -53,6 +53,12 @@ impl Output {
         write_whole(&path, bytes).map_err(|source| OutputError { path, source })
     }
 
+    /// Reads one file back.
+    pub(super) fn read(&self, path: &str) -> Result<Vec<u8>, OutputError> {
+        let path = self.root.join(path);
+        fs::read(&path).map_err(|source| OutputError { path, source })
+    }
+
     /// Removes what the last run wrote and this one did not, so that no sheet of an older job lies among the new ones.
     pub(super) fn sweep(&self, written: &BTreeSet<String>) -> Result<(), OutputError> {
         const LIST: &str = ".cache/files.txt";

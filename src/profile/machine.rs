@@ -6,7 +6,7 @@ use super::{
     check::{Fault, Rule, at_least_zero, positive, within},
     operations::{Order, PerOperation},
 };
-use crate::model::Operation;
+use crate::{geom::Vec2, model::Operation};
 
 /// Kind of machine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -141,6 +141,15 @@ impl Head {
             Self::Z { .. } => None,
         }
     }
+
+    /// Whether the tool is at work with this S word, at this height, with the spindle on.
+    pub fn at_work(&self, power: f64, z: f64, spindle: bool) -> bool {
+        match *self {
+            Self::Laser { .. } => spindle && power > 0.0,
+            Self::Servo { up, .. } => spindle && power != up,
+            Self::Z { up, .. } => z < up,
+        }
+    }
 }
 
 /// The corner of the sheet where the machine has its work zero.
@@ -245,6 +254,31 @@ impl Rule for Machine {
 }
 
 impl Machine {
+    /// From sheet coordinates (lower left corner, y up) to the machine's, for a sheet of that size.
+    pub fn to_work(&self, point: Vec2, sheet: Vec2) -> Vec2 {
+        self.flip(point - self.zero(sheet))
+    }
+
+    /// From the machine's coordinates to those of a sheet of that size.
+    pub fn from_work(&self, point: Vec2, sheet: Vec2) -> Vec2 {
+        self.flip(point) + self.zero(sheet)
+    }
+
+    fn flip(&self, vector: Vec2) -> Vec2 {
+        Vec2::new(vector.x, if self.invert_y { -vector.y } else { vector.y })
+    }
+
+    /// The work zero in sheet coordinates.
+    fn zero(&self, sheet: Vec2) -> Vec2 {
+        let (x, y) = match self.origin {
+            Corner::LowerLeft => (0.0, 0.0),
+            Corner::LowerRight => (1.0, 0.0),
+            Corner::UpperLeft => (0.0, 1.0),
+            Corner::UpperRight => (1.0, 1.0),
+        };
+        Vec2::new(x * sheet.x, y * sheet.y)
+    }
+
     fn check_head(&self) -> Result<(), Fault> {
         let laser = matches!(self.head, Head::Laser { .. });
         if laser != (self.kind == MachineKind::Laser) {

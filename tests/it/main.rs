@@ -1,5 +1,6 @@
 //! The one integration test binary.
 
+mod files;
 mod job;
 mod registry;
 mod tidy;

@@ -1,0 +1,227 @@
+//! G-code for GRBL-type boards: one program per sheet, from its toolpaths.
+//!
+//! Rules kept (see `MACHINE.md`): modal words only where they change, lines under 80 characters ending in LF, absolute
+//! coordinates with fixed decimals (so rounding never adds up), tool off before the first move, during every rapid and at
+//! the end. The beam is off on rapids twice over: by S0, and by laser mode itself.
+use std::io;
+
+use super::drawing::decimal;
+use crate::{
+    geom::Vec2,
+    model::{Operation, SheetPaths},
+    profile::{Head, Machine, Profiles, Tool},
+};
+
+/// GRBL refuses lines of 80 characters and more.
+const LINE: usize = 79;
+
+/// Which sheet of how many.
+#[derive(Debug, Clone, Copy)]
+pub struct Number {
+    /// From 1.
+    pub index: usize,
+    /// Of so many.
+    pub count: usize,
+}
+
+/// Writes the program of one sheet.
+pub(super) fn write(
+    sheet: &SheetPaths,
+    number: Number,
+    profiles: &Profiles,
+    out: &mut dyn io::Write,
+) -> io::Result<()> {
+    let machine = &profiles.machine;
+    let mut program = Program { machine, sheet: sheet.size, text: String::new(), state: State::default() };
+    program.comment(&format!("fabricate: sheet {} of {}", number.index, number.count));
+    program.comment(&format!("stock {} x {} mm, {}", sheet.size.x, sheet.size.y, profiles.material.title));
+    program.comment(&format!("machine: {}", machine.title));
+    match machine.head.laser_mode() {
+        Some(true) => program.comment("the board needs laser mode: $32=1"),
+        Some(false) => program.comment("the board needs laser mode off: $32=0"),
+        None => {}
+    }
+    program.line("G21 G90 G94 G17 G54");
+    program.start();
+    for path in &sheet.paths {
+        // What the machine has no tool for is not done; `route` leaves such paths out.
+        let (Some(tool), [first, rest @ ..]) = (machine.tools.get(path.operation), path.points.as_slice()) else {
+            continue;
+        };
+        program.change(path.operation, tool);
+        program.rapid(*first);
+        program.lower(tool);
+        for point in rest {
+            program.feed(*point, tool);
+        }
+        program.lift();
+    }
+    program.end();
+    out.write_all(program.text.as_bytes())
+}
+
+/// The modal state of the board as far as the program has set it, as the text that set it.
+#[derive(Debug, Default)]
+struct State {
+    motion: &'static str,
+    position: [String; 2],
+    feed: String,
+    power: String,
+    operation: Option<Operation>,
+    tool: Option<u32>,
+}
+
+struct Program<'a> {
+    machine: &'a Machine,
+    sheet: Vec2,
+    text: String,
+    state: State,
+}
+
+impl Program<'_> {
+    fn line(&mut self, line: &str) {
+        self.text.push_str(line);
+        self.text.push('\n');
+    }
+
+    /// A comment: ASCII without parentheses, cut to the length of a line.
+    fn comment(&mut self, text: &str) {
+        let plain = text.replace('₂', "2").replace('×', "x").replace('²', "2");
+        let plain: String =
+            plain.chars().filter(|c| matches!(c, ' '..='~') && !"()".contains(*c)).take(LINE - 2).collect();
+        self.line(&format!("({plain})"));
+    }
+
+    fn number(&self, value: f64) -> String {
+        decimal(value, self.machine.decimals)
+    }
+
+    /// S words, feeds and times: short, at most three decimals.
+    fn word(value: f64) -> String {
+        decimal(value, 3).trim_end_matches('0').trim_end_matches('.').into()
+    }
+
+    fn dwell(&mut self, seconds: f64) {
+        if seconds > 0.0 {
+            self.line(&format!("G4 P{}", Self::word(seconds)));
+        }
+    }
+
+    /// Tool on, but idle.
+    fn start(&mut self) {
+        match self.machine.head {
+            Head::Laser { dynamic, .. } => {
+                self.line(if dynamic { "M4 S0" } else { "M3 S0" });
+                self.state.power = "0".into();
+            }
+            Head::Servo { .. } => self.lift(),
+            Head::Z { .. } => {
+                self.line("M5");
+                self.lift();
+            }
+        }
+    }
+
+    /// Names the operation where it changes, and pauses where another tool is needed. The first tool is expected in the
+    /// holder.
+    fn change(&mut self, operation: Operation, tool: &Tool) {
+        if self.state.operation == Some(operation) {
+            return;
+        }
+        self.state.operation = Some(operation);
+        self.comment(&format!("{}: tool {}", operation.name(), tool.number));
+        if self.state.tool.is_some_and(|it| it != tool.number) {
+            self.line("M0");
+        }
+        self.state.tool = Some(tool.number);
+    }
+
+    fn lower(&mut self, tool: &Tool) {
+        match self.machine.head {
+            Head::Laser { .. } => {}
+            Head::Servo { down, dwell_down, .. } => {
+                self.line(&format!("M3 S{}", Self::word(tool.down.unwrap_or(down))));
+                self.dwell(dwell_down);
+            }
+            Head::Z { down, plunge, dwell, .. } => {
+                let (height, feed) = (self.number(tool.down.unwrap_or(down)), Self::word(plunge));
+                self.line(&format!("G1 Z{height} F{feed}"));
+                self.state.motion = "G1";
+                self.state.feed = feed;
+                self.dwell(dwell);
+            }
+        }
+    }
+
+    fn lift(&mut self) {
+        match self.machine.head {
+            // The next rapid carries S0; a line of its own would stop the board for nothing.
+            Head::Laser { .. } => {}
+            Head::Servo { up, dwell_up, .. } => {
+                self.line(&format!("M3 S{}", Self::word(up)));
+                self.dwell(dwell_up);
+            }
+            Head::Z { up, .. } => {
+                self.line(&format!("G0 Z{}", self.number(up)));
+                self.state.motion = "G0";
+            }
+        }
+    }
+
+    fn rapid(&mut self, point: Vec2) {
+        let power = matches!(self.machine.head, Head::Laser { .. }).then(|| "0".to_string());
+        self.motion("G0", point, None, power);
+    }
+
+    fn feed(&mut self, point: Vec2, tool: &Tool) {
+        let power = match self.machine.head {
+            Head::Laser { power_max, .. } => Some(Self::word((tool.power * power_max).round())),
+            _ => None,
+        };
+        self.motion("G1", point, Some(Self::word(tool.feed)), power);
+    }
+
+    /// One move, with only the words that change. A move to where the tool is already is left out.
+    fn motion(&mut self, motion: &'static str, point: Vec2, feed: Option<String>, power: Option<String>) {
+        let point = self.machine.to_work(point, self.sheet);
+        let target = [self.number(point.x), self.number(point.y)];
+        let mut words = Vec::with_capacity(5);
+        for (axis, (new, old)) in ["X", "Y"].into_iter().zip(target.iter().zip(&self.state.position)) {
+            if new != old {
+                words.push(format!("{axis}{new}"));
+            }
+        }
+        let still = words.is_empty();
+        if let Some(power) = power.filter(|it| *it != self.state.power && (!still || it == "0")) {
+            words.push(format!("S{power}"));
+            self.state.power = power;
+        }
+        if let Some(feed) = feed.filter(|it| *it != self.state.feed && !still) {
+            words.push(format!("F{feed}"));
+            self.state.feed = feed;
+        }
+        if words.is_empty() {
+            return;
+        }
+        if motion != self.state.motion && !still {
+            words.insert(0, motion.into());
+            self.state.motion = motion;
+        }
+        self.state.position = target;
+        self.line(&words.join(" "));
+    }
+
+    /// Tool off, back to the work zero, spindle off, end of program.
+    fn end(&mut self) {
+        if matches!(self.machine.head, Head::Laser { .. }) {
+            self.line("M5");
+            self.state.power = "0".into();
+        }
+        // Zero of the machine, whatever corner that is.
+        self.rapid(self.machine.from_work(Vec2::zeros(), self.sheet));
+        if !matches!(self.machine.head, Head::Laser { .. }) {
+            self.line("M5");
+        }
+        self.line("M2");
+    }
+}

@@ -1,0 +1,34 @@
+//! HPGL for cutting plotters: 40 units per millimetre, one coordinate pair per command and a line each, because long
+//! lists overrun some cutters.
+use std::io;
+
+use super::drawing::decimal;
+use crate::{geom::Vec2, model::SheetPaths, profile::Machine};
+
+/// Plotter units per millimetre.
+const UNITS: f64 = 40.0;
+
+/// Writes the plot of one sheet. `SP` selects the tool number of the operation.
+pub(super) fn write(sheet: &SheetPaths, machine: &Machine, out: &mut dyn io::Write) -> io::Result<()> {
+    let place = |point: Vec2| {
+        let point = machine.to_work(point, sheet.size) * UNITS;
+        format!("{},{}", decimal(point.x, 0), decimal(point.y, 0))
+    };
+    let mut text = String::from("IN;\nPA;\n");
+    let mut selected = None;
+    for path in &sheet.paths {
+        let (Some(tool), [first, rest @ ..]) = (machine.tools.get(path.operation), path.points.as_slice()) else {
+            continue;
+        };
+        if selected != Some(tool.number) {
+            text.push_str(&format!("SP{};\n", tool.number));
+            selected = Some(tool.number);
+        }
+        text.push_str(&format!("PU{};\n", place(*first)));
+        for point in rest {
+            text.push_str(&format!("PD{};\n", place(*point)));
+        }
+    }
+    text.push_str("PU;\nSP0;\n");
+    out.write_all(text.as_bytes())
+}

@@ -1,0 +1,216 @@
+//! Reads the written files back and compares them, line by line, with the nouns that they were made from. Writers and
+//! readers share no code.
+use std::collections::BTreeMap;
+
+use crate::{
+    emit::{File, Nouns, Subject},
+    geom::Vec2,
+    import::{self, Drawing, Move, Spindle},
+    model::{Line, Part},
+    profile::{Machine, Profiles},
+    stage::Check,
+};
+
+/// How far a drawing may be from the layout, mm.
+const LIMIT: f64 = 1e-3;
+/// Half the diagonal of a plotter unit of 0.025 mm.
+const PLOTTER_LIMIT: f64 = 0.018;
+/// GRBL refuses lines of 80 characters and more.
+const LONGEST_LINE: usize = 79;
+
+/// One check per format, `files.svg` and so on: the largest distance between a point as it was meant and as it was
+/// written. Anything else that is wrong (a line too many, in another order, on another layer, a program that leaves the
+/// tool on) fails the check with a note. `files` carry the bytes as they were read back.
+pub fn verify(files: &[File], nouns: &Nouns<'_>, profiles: &Profiles) -> Vec<Check> {
+    let mut findings: BTreeMap<&str, Finding> = BTreeMap::new();
+    for file in files {
+        let found = compare(file, nouns, profiles);
+        let finding = findings.entry(file.format).or_default();
+        finding.files += 1;
+        match found {
+            Ok(deviation) => finding.worst = finding.worst.max(deviation),
+            Err(fault) => finding.faults.push(format!("{}: {fault}", file.path)),
+        }
+    }
+    let check = |(format, finding): (&str, Finding)| {
+        let limit = match format {
+            "gcode" => LIMIT.max(10_f64.powi(-(profiles.machine.decimals as i32))),
+            "hpgl" => PLOTTER_LIMIT,
+            _ => LIMIT,
+        };
+        let mut note = format!("{} files read back", finding.files);
+        if let [first, rest @ ..] = finding.faults.as_slice() {
+            note = format!("{first} ({} more faults); do not use these files", rest.len());
+        }
+        let ok = finding.faults.is_empty() && finding.worst <= limit;
+        Check { name: format!("files.{format}"), ok, value: finding.worst, limit, unit: "mm".into(), note }
+    };
+    findings.into_iter().map(check).collect()
+}
+
+#[derive(Default)]
+struct Finding {
+    files: usize,
+    worst: f64,
+    faults: Vec<String>,
+}
+
+/// Largest distance in one file, or what is wrong with it.
+fn compare(file: &File, nouns: &Nouns<'_>, profiles: &Profiles) -> Result<f64, String> {
+    let machine = &profiles.machine;
+    let text = || std::str::from_utf8(&file.bytes).map_err(|error| error.to_string());
+    match file.format {
+        "svg" => drawing(&import::read_svg(&file.bytes).map_err(|it| it.to_string())?, file.subject, nouns, machine),
+        "dxf" => drawing(&import::read_dxf(&file.bytes).map_err(|it| it.to_string())?, file.subject, nouns, machine),
+        "gcode" => program(text()?, file.subject, nouns, machine),
+        "hpgl" => plot(text()?, file.subject, nouns, machine),
+        other => Err(format!("there is no reader for `{other}`")),
+    }
+}
+
+const NO_NOUN: &str = "shows something that the job did not make";
+
+fn drawing(read: &Drawing, subject: Subject, nouns: &Nouns<'_>, machine: &Machine) -> Result<f64, String> {
+    let (page, mut lines): (Option<Vec2>, Vec<Line<'_>>) = match subject {
+        Subject::Sheet(i) => {
+            let sheet = nouns.sheets.and_then(|it| it.sheets.get(i)).ok_or(NO_NOUN)?;
+            (Some(sheet.size), sheet.parts.iter().flat_map(Part::lines).collect())
+        }
+        Subject::Part(i) => (None, nouns.parts.and_then(|it| it.parts.get(i)).ok_or(NO_NOUN)?.lines().collect()),
+        Subject::Program(_) => return Err(NO_NOUN.into()),
+    };
+    // Layers in the order of work; operations that share one stand where the first of them does.
+    let rank = |line: &Line<'_>| {
+        let layer = &machine.layers[line.operation];
+        machine.order.iter().position(|it| machine.layers[it] == *layer)
+    };
+    lines.sort_by_key(|it| (rank(it), machine.order.rank(it.operation)));
+    if !read.ignored.is_empty() {
+        return Err(format!("holds what no machine cuts: {}", read.ignored.join(", ")));
+    }
+    let bounds = crate::geom::Box2::of(lines.iter().flat_map(|it| it.points));
+    let (origin, size) = page.map_or((bounds.min, bounds.size()), |size| (Vec2::zeros(), size));
+    let mut worst = read.size.map_or(0.0, |read| (read - size).amax());
+    if lines.len() != read.lines.len() {
+        return Err(format!("{} lines, expected {}", read.lines.len(), lines.len()));
+    }
+    for (i, (line, read)) in lines.iter().zip(&read.lines).enumerate() {
+        let layer = &machine.layers[line.operation].name;
+        if !read.layer.eq_ignore_ascii_case(layer) {
+            return Err(format!("line {} is on layer `{}`, expected `{layer}`", i + 1, read.layer));
+        }
+        if line.closed != read.closed {
+            return Err(format!("line {} on layer `{layer}` is closed in one place and open in the other", i + 1));
+        }
+        let meant: Vec<Vec2> = line.points.iter().map(|it| it - origin).collect();
+        worst = worst.max(deviation(&meant, &read.points, line.closed).ok_or_else(|| foreign(i))?);
+    }
+    Ok(worst)
+}
+
+fn program(text: &str, subject: Subject, nouns: &Nouns<'_>, machine: &Machine) -> Result<f64, String> {
+    let read = import::read_gcode(text).map_err(|it| it.to_string())?;
+    if read.longest_line > LONGEST_LINE {
+        return Err(format!("a line of {} characters; boards take {LONGEST_LINE}", read.longest_line));
+    }
+    if !read.ended || read.spindle != Spindle::Off {
+        return Err("ends without M5 and M2".into());
+    }
+    let working = |it: &Move| machine.head.at_work(it.power, it.to.z, it.spindle != Spindle::Off);
+    if let Some(step) = read.moves.iter().find(|it| it.rapid && it.from.xy() != it.to.xy() && working(it)) {
+        return Err(format!("line {}: a rapid with the tool at work", step.line));
+    }
+    paths(&read.strokes(working), subject, nouns, machine, |_| true)
+}
+
+fn plot(text: &str, subject: Subject, nouns: &Nouns<'_>, machine: &Machine) -> Result<f64, String> {
+    let read = import::read_hpgl(text).map_err(|it| it.to_string())?;
+    let strokes: Vec<Vec<Vec2>> = read
+        .lines
+        .into_iter()
+        .map(|mut line| {
+            line.points.extend(line.closed.then(|| line.points[0]));
+            line.points
+        })
+        .collect();
+    // What is shorter than a plotter unit is a dot.
+    paths(&strokes, subject, nouns, machine, |points| points.iter().any(|it| (it - points[0]).amax() > 0.025))
+}
+
+/// Strokes in the machine's frame against the toolpaths that `kept` selects.
+fn paths(
+    strokes: &[Vec<Vec2>],
+    subject: Subject,
+    nouns: &Nouns<'_>,
+    machine: &Machine,
+    kept: impl Fn(&[Vec2]) -> bool,
+) -> Result<f64, String> {
+    let Subject::Program(i) = subject else { return Err(NO_NOUN.into()) };
+    let sheet = nouns.toolpaths.and_then(|it| it.sheets.get(i)).ok_or(NO_NOUN)?;
+    let expected: Vec<_> =
+        sheet.paths.iter().filter(|it| machine.tools.get(it.operation).is_some() && kept(&it.points)).collect();
+    if expected.len() != strokes.len() {
+        return Err(format!("{} strokes, expected {}", strokes.len(), expected.len()));
+    }
+    let mut worst = 0.0_f64;
+    for (i, (path, stroke)) in expected.iter().zip(strokes).enumerate() {
+        let stroke: Vec<Vec2> = stroke.iter().map(|it| machine.from_work(*it, sheet.size)).collect();
+        worst = worst.max(deviation(&path.points, &stroke, false).ok_or_else(|| foreign(i))?);
+    }
+    Ok(worst)
+}
+
+fn foreign(index: usize) -> String {
+    format!("line {} has points that were not meant", index + 1)
+}
+
+/// Largest distance between points as meant and as read, in order; a read point may stand for several that fell together
+/// when they were rounded. `None` when read points are left over.
+fn deviation(meant: &[Vec2], read: &[Vec2], closed: bool) -> Option<f64> {
+    let mut at = 0;
+    let mut worst = 0.0_f64;
+    for (i, point) in meant.iter().enumerate() {
+        let distance = |at: usize| match read.get(at) {
+            Some(it) => (point - it).norm(),
+            None if closed && !read.is_empty() => (point - read[0]).norm(),
+            None => f64::INFINITY,
+        };
+        if i > 0 && distance(at + 1) < distance(at) {
+            at += 1;
+        }
+        worst = worst.max(distance(at));
+    }
+    (at + 1 >= read.len()).then_some(worst)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn points(list: &[(f64, f64)]) -> Vec<Vec2> {
+        list.iter().map(|&(x, y)| Vec2::new(x, y)).collect()
+    }
+
+    #[test]
+    fn deviation_follows_the_order_of_points() {
+        let square = points(&[(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]);
+        assert_eq!(deviation(&square, &square, true), Some(0.0));
+        let mut off = square.clone();
+        off[2].x += 0.01;
+        assert!((deviation(&square, &off, true).unwrap() - 0.01).abs() < 1e-12);
+        // Points that fell together when rounded, at the end of a closed line too.
+        let fine = points(&[(0.0, 0.0), (1e-6, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 1e-6)]);
+        assert!(deviation(&fine, &square, true).unwrap() < 2e-6);
+        let early: Vec<Vec2> = std::iter::once(Vec2::new(-1.0, 0.0)).chain(square.iter().copied()).collect();
+        assert!(deviation(&square, &early, true).is_none_or(|it| it > 0.5));
+        // A corner cut off, a corner too many, the other way round.
+        assert!(deviation(&square, &square[..3], true).unwrap() > 0.5);
+        let more = points(&[(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.5)]);
+        assert_eq!(deviation(&square, &more, true), None);
+        let back: Vec<Vec2> = square.iter().rev().copied().collect();
+        assert!(deviation(&square, &back, true).is_none_or(|it| it > 0.5));
+        // A doubled point in the middle of what was meant.
+        let spike = points(&[(0.0, 0.0), (1.0, 0.0), (5.0, 0.0), (1.0, 1.0), (0.0, 1.0)]);
+        assert!(deviation(&square, &spike, true).is_none_or(|it| it > 0.5));
+    }
+}

@@ -1,0 +1,328 @@
+//! Laws over all output formats: what is written can be read back and measures the same; the bytes never vary.
+#![allow(clippy::unwrap_used, reason = "clippy takes only functions marked as tests for tests")]
+
+use std::path::Path;
+
+use fabricate::{
+    emit::{self, FORMATS, File, Nouns, Subject},
+    geom::{Vec2, polyline_length, signed_area},
+    import::{Spindle, read_dxf, read_gcode, read_svg},
+    model::{Mark, Operation, Part, Parts, Placement, Sheet, SheetPaths, Sheets, Toolpath, Toolpaths},
+    pipeline::verify,
+    profile::{Head, MACHINES, Profiles},
+};
+use toml::de::DeTable;
+
+/// A job made by hand: parts with holes, a part in a hole, marks of every operation, names that no file may have,
+/// coordinates that need all decimals.
+struct Job {
+    parts: Parts,
+    sheets: Sheets,
+    toolpaths: Toolpaths,
+}
+
+impl Job {
+    fn new(profiles: &Profiles) -> Self {
+        let ring = |center: Vec2, radius: f64, corners: usize, ccw: bool| -> Vec<Vec2> {
+            let turn = if ccw { std::f64::consts::TAU } else { -std::f64::consts::TAU };
+            let at = |i: usize| 0.1 + turn * i as f64 / corners as f64;
+            (0..corners).map(|i| center + radius * Vec2::new(at(i).cos(), at(i).sin())).collect()
+        };
+        let middle = Vec2::new(100.0 / 3.0 + 50.0, 90.0);
+        let washer = Part {
+            name: "Washer no. 1/2".into(),
+            contours: vec![ring(middle, 60.0, 257, true), ring(middle, 40.0, 101, false)],
+            marks: Operation::ALL
+                .into_iter()
+                .filter(|it| !it.is_cut())
+                .enumerate()
+                .map(|(i, operation)| {
+                    let turn = i as f64;
+                    let along = Vec2::new(turn.cos(), turn.sin());
+                    let points = vec![middle + 45.0 * along, middle + 50.0 * along, middle + 53.7 * along];
+                    Mark { operation, points, closed: false }
+                })
+                .collect(),
+        };
+        let inner = Part {
+            name: "washer no. 1-2".into(),
+            contours: vec![ring(middle, 37.0, 3, true)],
+            marks: vec![Mark { operation: Operation::Engrave, points: ring(middle, 5.0, 12, true), closed: true }],
+        };
+        let tongue = Part {
+            name: "tongue".into(),
+            contours: vec![vec![
+                Vec2::new(6.0, 6.0),
+                Vec2::new(200.123_456_789, 6.0),
+                Vec2::new(200.0, 20.000_049_9),
+                Vec2::new(6.0, 20.0),
+            ]],
+            marks: vec![],
+        };
+        let sheet = |parts: Vec<Part>| Sheet {
+            size: Vec2::new(profiles.material.sheet[0].mm, profiles.material.sheet[1].mm),
+            placements: (0..parts.len()).map(|part| Placement { part, angle: 0.0, offset: Vec2::zeros() }).collect(),
+            parts,
+        };
+        let parts = vec![washer, inner, tongue];
+        let sheets = vec![sheet(parts[..2].to_vec()), sheet(parts[2..].to_vec())];
+        let paths = |sheet: &Sheet| {
+            let mut lines: Vec<_> =
+                sheet.parts.iter().flat_map(|part| part.lines().map(|line| (line, part.name.clone()))).collect();
+            lines.sort_by_key(|it| profiles.machine.order.rank(it.0.operation));
+            let paths = lines.into_iter().map(|(line, part)| {
+                let close = line.closed.then_some(line.points[0]);
+                let points = line.points.iter().copied().chain(close).collect();
+                Toolpath { operation: line.operation, points, part }
+            });
+            SheetPaths { size: sheet.size, paths: paths.collect() }
+        };
+        let toolpaths = Toolpaths {
+            sheets: sheets.iter().map(paths).collect(),
+            cut_length: 0.0,
+            travel_length: 0.0,
+            lifts: 0,
+            seconds: 0.0,
+            left_out: vec![],
+        };
+        let (margin, gap) = (profiles.material.margin.mm, profiles.material.gap.mm);
+        Self {
+            parts: Parts { parts, ..Parts::default() },
+            sheets: Sheets { sheets, margin, gap, unplaced: vec![] },
+            toolpaths,
+        }
+    }
+
+    fn nouns(&self) -> Nouns<'_> {
+        Nouns { parts: Some(&self.parts), sheets: Some(&self.sheets), toolpaths: Some(&self.toolpaths) }
+    }
+
+    fn files(&self, profiles: &Profiles) -> Vec<File> {
+        let formats: Vec<String> = FORMATS.iter().map(|it| it.name.into()).collect();
+        emit::files(&self.nouns(), profiles, &formats).unwrap()
+    }
+}
+
+fn profiles(material: &str, machine: &str) -> Profiles {
+    let (material, machine) = (DeTable::parse(material).unwrap(), DeTable::parse(machine).unwrap());
+    Profiles::load(Path::new("."), material.get_ref(), machine.get_ref()).unwrap()
+}
+
+/// Every built-in machine on paper, which all of them take.
+fn machines() -> impl Iterator<Item = Profiles> {
+    MACHINES.iter().map(|it| profiles("", &format!("profile = \"{}\"", it.name)))
+}
+
+fn text(file: &File) -> &str {
+    std::str::from_utf8(&file.bytes).unwrap()
+}
+
+#[test]
+fn every_format_measures_the_same_when_read_back() {
+    for profiles in machines() {
+        let job = Job::new(&profiles);
+        let files = job.files(&profiles);
+        let checks = verify(&files, &job.nouns(), &profiles);
+        assert_eq!(checks.len(), FORMATS.len(), "every format has a reader");
+        for check in &checks {
+            assert!(check.ok, "{}: {check:?}", profiles.machine.name);
+            assert!(check.value > 0.0, "rounding must show, or nothing was compared: {check:?}");
+        }
+        // Areas and lengths, by another route than `verify` takes.
+        for file in files.iter().filter(|it| matches!(it.format, "svg" | "dxf")) {
+            let read = if file.format == "svg" { read_svg(&file.bytes) } else { read_dxf(&file.bytes) }.unwrap();
+            let parts: Vec<&Part> = match file.subject {
+                Subject::Sheet(i) => job.sheets.sheets[i].parts.iter().collect(),
+                Subject::Part(i) => vec![&job.parts.parts[i]],
+                Subject::Program(_) => panic!("a drawing shows sheets and parts"),
+            };
+            let area = |cut: &str| -> f64 {
+                let on_layer = read.lines.iter().filter(|it| it.layer.eq_ignore_ascii_case(cut) && it.closed);
+                on_layer.map(|it| signed_area(&it.points)).sum()
+            };
+            let meant: f64 = parts.iter().flat_map(|it| &it.contours).map(|it| signed_area(it)).sum();
+            let found = area("CUT") + area("CUT_INNER");
+            assert!((found - meant).abs() < 1e-2, "{}: {found} mm² for {meant}", file.path);
+            let meant: f64 =
+                parts.iter().flat_map(|it| it.lines()).map(|it| polyline_length(it.points, it.closed)).sum();
+            let found: f64 = read.lines.iter().map(|it| polyline_length(&it.points, it.closed)).sum();
+            assert!((found - meant).abs() < 1e-2, "{}: {found} mm for {meant}", file.path);
+        }
+    }
+}
+
+#[test]
+fn a_file_that_was_tampered_with_fails_its_check() {
+    let profiles = profiles("", "profile = \"laser-co2\"");
+    let job = Job::new(&profiles);
+    let files = job.files(&profiles);
+    let sheet = |ending: &str| files.iter().find(|it| it.path == format!("sheets/sheet-02.{ending}")).unwrap();
+    for (ending, from, to) in [
+        ("svg", "291.0000", "291.0020"),
+        ("svg", "width=\"420mm\"", "width=\"420.1mm\""),
+        ("svg", " Z", ""),
+        ("svg", "id=\"cut\"", "id=\"score\""),
+        ("svg", "<path", "<g"),
+        ("svg", "<path", "<path transform=\"translate(0.01)\""),
+        ("dxf", " 10\r\n200.1235\r\n 20\r\n6.0", " 10\r\n200.1255\r\n 20\r\n6.0"),
+        ("dxf", "$INSUNITS\r\n 70\r\n4", "$INSUNITS\r\n 70\r\n1"),
+        ("dxf", " 70\r\n1\r\n 43", " 70\r\n0\r\n 43"),
+        ("dxf", "  8\r\nCUT\r\n", "  8\r\nCUT_INNER\r\n"),
+        ("dxf", " 20\r\n6.0000\r\n 10\r\n200.1235\r\n", ""),
+        ("nc", "X200.123", "X200.125"),
+        ("nc", "Y20.000", "Y20.000 S0"),
+        ("nc", "G0 X6.000 Y6.000", "G0 X6.000 Y6.000 S10"),
+        ("nc", "\nM5", ""),
+        ("nc", "G0 X0.000 Y0.000\nM2", "G0 X0.000 Y0.000"),
+        ("nc", "G21", "G20"),
+        ("nc", "M4 S0", "M4 S0 B1"),
+        ("plt", "PD8005,240", "PD8006,240"),
+        ("plt", "PD8000,800;\n", ""),
+        ("plt", "PU240", "PD240"),
+    ] {
+        let good = sheet(ending);
+        let bad = text(good).replacen(from, to, 1);
+        assert_ne!(bad, text(good), "`{from}` is not in the file");
+        let bad = File { bytes: bad.into_bytes(), ..good.clone() };
+        let checks = verify(&[bad], &job.nouns(), &profiles);
+        assert!(!checks[0].ok, "{ending}: `{from}` → `{to}`: {checks:?}");
+    }
+}
+
+#[test]
+fn the_same_job_gives_the_same_bytes() {
+    for profiles in machines() {
+        let (once, twice) = (Job::new(&profiles).files(&profiles), Job::new(&profiles).files(&profiles));
+        assert_eq!(once, twice);
+        let mut paths: Vec<String> = once.iter().map(|it| it.path.to_lowercase()).collect();
+        paths.sort();
+        paths.dedup();
+        assert_eq!(paths.len(), once.len(), "two files of one name");
+        for file in &once {
+            assert!(file.path.bytes().all(|b| b.is_ascii_alphanumeric() || b"/-_.".contains(&b)), "{}", file.path);
+        }
+    }
+}
+
+#[test]
+fn drawings_show_each_operation_on_its_layer_in_its_colour() {
+    for profiles in machines() {
+        let job = Job::new(&profiles);
+        let files = job.files(&profiles);
+        let svg = text(files.iter().find(|it| it.path == "sheets/sheet-01.svg").unwrap());
+        let dxf = text(files.iter().find(|it| it.path == "sheets/sheet-01.dxf").unwrap());
+        assert!(svg.contains("width=\"420mm\"") && svg.contains("height=\"297mm\""));
+        assert!(svg.contains("viewBox=\"0 0 420 297\""));
+        for banned in ["transform", "class", "style", "<text", "<use", "clip", "dasharray"] {
+            assert!(!svg.contains(banned), "{banned}");
+        }
+        let mut place = 0;
+        for operation in profiles.machine.order.iter() {
+            let layer = &profiles.machine.layers[operation];
+            let label = format!("inkscape:label=\"{}\"", layer.name);
+            let at = svg.find(&label).unwrap_or_else(|| panic!("no layer {label}"));
+            assert!(at > place, "{} stands before the operation that comes first", layer.name);
+            place = at;
+            let end = at + svg[at..].find("</g>").unwrap();
+            let paths = svg[at..end].matches("<path").count();
+            let stroke = format!("stroke=\"{}\"", String::from(layer.color));
+            assert!(paths > 0 && svg[at..end].matches(&stroke).count() == paths, "{}", layer.name);
+            assert!(dxf.contains("LWPOLYLINE\r\n") && dxf.contains(&format!("  8\r\n{}\r\n", layer.name)));
+        }
+        for pair in ["$INSUNITS\r\n 70\r\n4", "$MEASUREMENT\r\n 70\r\n1", "$ACADVER\r\n  1\r\nAC1015"] {
+            assert!(dxf.contains(pair), "{pair}");
+        }
+        assert!(!dxf.contains("$TDCREATE"), "no dates");
+    }
+}
+
+#[test]
+fn programs_keep_the_rules_of_boards() {
+    for profiles in machines() {
+        let job = Job::new(&profiles);
+        for file in job.files(&profiles).iter().filter(|it| it.format == "gcode") {
+            let program = text(file);
+            let name = &profiles.machine.name;
+            assert!(program.is_ascii() && !program.contains('\r') && program.ends_with("\nM2\n"), "{name}");
+            assert!(program.lines().all(|it| (1..=79).contains(&it.len())), "{name}");
+            assert_eq!(program.lines().find(|it| !it.starts_with('(')), Some("G21 G90 G94 G17 G54"), "{name}");
+            let read = read_gcode(program).unwrap();
+            let laser = matches!(profiles.machine.head, Head::Laser { .. });
+            assert_eq!(read.spindle, Spindle::Off);
+            assert_eq!(program.contains("M4 S0"), laser);
+            let tools: Vec<u32> = {
+                let sheet = &job.toolpaths.sheets[if file.path.contains("01") { 0 } else { 1 }];
+                let mut tools: Vec<u32> =
+                    sheet.paths.iter().map(|it| profiles.machine.tools[it.operation].number).collect();
+                tools.dedup();
+                tools
+            };
+            assert_eq!(read.pauses, tools.len() - 1, "{name} {}: one pause per change of tool", file.path);
+            for step in &read.moves {
+                let working = profiles.machine.head.at_work(step.power, step.to.z, step.spindle != Spindle::Off);
+                assert!(!working || !step.rapid || step.from == step.to, "{name}: line {}", step.line);
+            }
+            let extents = read.extents();
+            for axis in 0..2 {
+                assert!(extents.min[axis] >= 0.0 && extents.max[axis] <= profiles.machine.bed[axis].mm, "{name}");
+            }
+        }
+    }
+}
+
+#[test]
+fn programs_are_right_from_every_corner_and_with_a_z_axis() {
+    for corner in ["lower-left", "lower-right", "upper-left", "upper-right"] {
+        for invert in [false, true] {
+            let keys = format!("profile = \"laser-co2\"\norigin = \"{corner}\"\ninvert_y = {invert}");
+            let profiles = profiles("", &keys);
+            let job = Job::new(&profiles);
+            let checks = verify(&job.files(&profiles), &job.nouns(), &profiles);
+            assert!(checks.iter().all(|it| it.ok), "{corner} {invert}: {checks:?}");
+            let files = job.files(&profiles);
+            let program = files.iter().find(|it| it.path == "sheets/sheet-02.nc").unwrap();
+            let extents = read_gcode(text(program)).unwrap().extents();
+            assert_eq!(extents.min.x < 0.0, corner.ends_with("right"));
+            assert_eq!(extents.min.y < 0.0, corner.starts_with("upper") != invert);
+        }
+    }
+    // A machine of one's own, with a Z axis.
+    let folder = tempfile::tempdir().unwrap();
+    let knife = MACHINES.iter().find(|it| it.name == "drag-knife-a3").unwrap().text;
+    let (before, rest) = knife.split_once("[head.servo]").unwrap();
+    let after = &rest[rest.find("[knife]").unwrap()..];
+    let own = format!("{before}[head.z]\nup = 5\ndown = -0.4\nplunge = 300\ndwell = 0.1\n\n{after}");
+    std::fs::write(folder.path().join("router.toml"), own.replace("down = 65", "down = -0.1")).unwrap();
+    let (material, machine) = (DeTable::parse("").unwrap(), DeTable::parse("profile = \"router.toml\"").unwrap());
+    let profiles = Profiles::load(folder.path(), material.get_ref(), machine.get_ref()).unwrap();
+    let job = Job::new(&profiles);
+    let files = job.files(&profiles);
+    let checks = verify(&files, &job.nouns(), &profiles);
+    assert!(checks.iter().all(|it| it.ok), "{checks:?}");
+    let program = text(files.iter().find(|it| it.path == "sheets/sheet-01.nc").unwrap());
+    assert!(program.contains("G1 Z-0.400 F300\nG4 P0.1\n") && program.contains("G1 Z-0.100 F300"));
+    assert_eq!(program.matches("G0 Z5.000").count(), program.matches("G1 Z").count() + 1);
+}
+
+#[test]
+fn plots_hold_one_pair_per_command() {
+    let profiles = profiles("", "");
+    for file in Job::new(&profiles).files(&profiles).iter().filter(|it| it.format == "hpgl") {
+        for line in text(file).lines() {
+            assert!(line.ends_with(';') && line.matches(';').count() == 1 && line.matches(',').count() <= 1, "{line}");
+        }
+    }
+}
+
+#[test]
+fn profiles_name_formats_that_exist() {
+    for profiles in machines() {
+        assert!(!profiles.machine.formats.is_empty());
+        for name in &profiles.machine.formats {
+            emit::format(name).unwrap();
+        }
+    }
+    let error = emit::files(&Nouns::default(), &profiles("", ""), &["svgz".into()]).unwrap_err();
+    assert_eq!(error.to_string(), "there is no output format `svgz`; known are: svg, dxf, gcode, hpgl");
+    assert_eq!(emit::files(&Nouns::default(), &profiles("", ""), &["svg".into()]), Ok(vec![]));
+}
