@@ -1,0 +1,521 @@
+//! Energy, barriers and their exact gradient over a mesh of fixed connectivity.
+//!
+//! Four passes, each over blocks of fixed size whose results are gathered, never scattered, so that the sums do not depend
+//! on the number of threads: faces → (N, θ, …) per corner; stars → derivatives by N and θ per corner; faces → gradient per
+//! corner; vertices → gradient. No pass allocates.
+//!
+//! Notation: halfedge k of a face runs along e_k from corner k to corner k + 1; s_k = N × e_k; doubled area 2A.
+//!   ∂θ_k = s_k/|e_k|² + s_{k+2}/|e_{k+2}|² by corner k itself, −s_k/|e_k|² by corner k + 1, −s_{k+2}/|e_{k+2}|² by k + 2
+//!   ∂N for a move of corner k = −s_{k+1}/(2A) ⟨N, ·⟩;  ∂ ln A = s_{k+1}/(2A) by corner k
+use super::{
+    barrier::{self, Weights},
+    energy::{Corner, Energy, Pull},
+};
+use crate::{
+    mesh::{Id, TriMesh, VertexId},
+    numeric::lanes::{LANES, Lanes, Lanes3, vectorized},
+};
+use rayon::prelude::*;
+
+/// Face groups per block of the face passes (2048 faces).
+const GROUPS: usize = 256;
+/// Slots per block of the star pass (about 1000 vertices of valence 6), raised where one star does not fit.
+const SLOTS: usize = 8192;
+/// Vertices per block of the gather.
+const VERTICES: usize = 1024;
+
+/// A pass over all stars for one energy; writes pulls and returns through [`Stars::partials`].
+pub(super) type StarPass = fn(&Layout, &[[f64; 4]], &mut StarData, f64);
+
+/// Connectivity, arranged for the passes.
+#[derive(Debug)]
+pub(super) struct Layout {
+    vertices: usize,
+    faces: usize,
+    /// Vertices of the corners of [`LANES`] faces; the last group repeats its last face.
+    corners: Vec<[[u32; LANES]; 3]>,
+    /// First corner of the face across each halfedge; its own face on the boundary.
+    across: Vec<u32>,
+    /// Row of [`StarData::slots`] that holds the pull on each corner; the last, always zero, for boundary vertices.
+    slot_of: Vec<u32>,
+    blocks: Vec<Block>,
+    slots_per_block: usize,
+    /// Corners around each vertex, by [`Layout::first_corner`].
+    corners_of: Vec<u32>,
+    first_corner: Vec<u32>,
+}
+
+/// Stars whose slots lie in one chunk of [`StarData::slots`].
+#[derive(Debug, Default)]
+struct Block {
+    batches: Vec<Batch>,
+    valence: usize,
+}
+
+/// Up to [`LANES`] interior stars of one valence.
+#[derive(Debug)]
+struct Batch {
+    valence: usize,
+    /// Centres; unused lanes repeat the last one.
+    vertices: [u32; LANES],
+    lanes: usize,
+    /// Corner `k` of lane `i`, counter-clockwise, at `k * LANES + i`.
+    corners: Vec<u32>,
+    /// Its first slot within the block: one row of [λ, K, 0, 0], then `valence` rows of pulls.
+    slot: usize,
+}
+
+/// What the star pass writes.
+#[derive(Debug)]
+pub(super) struct StarData {
+    /// Per star [λ, K, 0, 0], per corner [∂/∂N, ∂/∂θ].
+    slots: Vec<[f64; 4]>,
+    /// (energy, defect barrier) of each block.
+    partials: Vec<[f64; 2]>,
+    scratch: Vec<(Vec<Corner>, Vec<Pull>)>,
+}
+
+/// What the first face pass leaves for the second.
+#[derive(Debug, Clone, Default)]
+struct FaceGroup {
+    normal: Lanes3,
+    spin: [Lanes3; 3],
+    /// 1/|e_k|².
+    inverse_length2: [Lanes; 3],
+    /// 1/(2A).
+    inverse_area2: Lanes,
+    /// Derivative of the angle barrier by θ_k.
+    angle_pull: [Lanes; 3],
+    /// Derivative of the area term by ln A.
+    area_pull: Lanes,
+}
+
+/// Values of the parts of the objective, weights included.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Parts {
+    /// Σ λ over interior vertices of valence > 3, unweighted.
+    pub energy: f64,
+    /// Barriers.
+    pub angle: f64,
+    pub fold: f64,
+    pub defect: f64,
+    pub area: f64,
+}
+
+impl Parts {
+    /// Sum.
+    pub fn total(&self) -> f64 {
+        self.energy + self.angle + self.fold + self.defect + self.area
+    }
+}
+
+/// Evaluates energy and barriers.
+#[derive(Debug)]
+pub struct Evaluator {
+    layout: Layout,
+    energy: &'static Energy,
+    weights: Weights,
+    /// Reciprocal reference area of each face, per group.
+    inverse_rest_area: Vec<Lanes>,
+    groups: Vec<FaceGroup>,
+    /// [N, θ] per corner.
+    corners: Vec<[f64; 4]>,
+    stars: StarData,
+    /// Gradient per corner.
+    pushes: Vec<[f64; 4]>,
+    /// (angle, area) and (fold) barrier sums of each block of faces.
+    partials: Vec<[f64; 3]>,
+}
+
+impl Layout {
+    /// Arranges the connectivity of `mesh`.
+    pub(super) fn new(mesh: &TriMesh) -> Self {
+        let faces = mesh.face_count();
+        let corners = (0..faces.div_ceil(LANES))
+            .map(|g| {
+                let face = |i: usize| mesh.face_vertices(Id::new((g * LANES + i).min(faces - 1)));
+                std::array::from_fn(|k| std::array::from_fn(|i| face(i)[k].0))
+            })
+            .collect();
+        let across = mesh.halfedges().map(|h| 3 * mesh.face(mesh.twin(h).unwrap_or(h)).0).collect();
+        let mut first_corner = vec![0];
+        let mut corners_of = Vec::with_capacity(mesh.halfedge_count());
+        for v in mesh.vertices() {
+            corners_of.extend(mesh.outgoing(v).map(|h| h.0));
+            first_corner.push(corners_of.len() as u32);
+        }
+        let mut layout = Self {
+            vertices: mesh.vertex_count(),
+            faces,
+            corners,
+            across,
+            slot_of: Vec::new(),
+            blocks: Vec::new(),
+            slots_per_block: 0,
+            corners_of,
+            first_corner,
+        };
+        layout.arrange_stars(mesh);
+        layout
+    }
+
+    /// Sorts interior stars by valence into batches, batches into blocks.
+    fn arrange_stars(&mut self, mesh: &TriMesh) {
+        let mut order: Vec<(usize, VertexId)> = mesh
+            .vertices()
+            .filter(|&v| !mesh.is_boundary_vertex(v))
+            .map(|v| (mesh.face_degree(v), v))
+            .collect();
+        order.sort_unstable();
+        let widest = order.last().map_or(0, |it| it.0);
+        self.slots_per_block = SLOTS.max((widest + 1) * LANES);
+        self.slot_of = vec![u32::MAX; mesh.halfedge_count()];
+        let mut used = self.slots_per_block;
+        for stars in order.chunk_by(|a, b| a.0 == b.0).flat_map(|run| run.chunks(LANES)) {
+            let valence = stars[0].0;
+            let needed = (valence + 1) * LANES;
+            if used + needed > self.slots_per_block {
+                self.blocks.push(Block::default());
+                used = 0;
+            }
+            let base = (self.blocks.len() - 1) * self.slots_per_block + used + LANES;
+            let mut corners = vec![0; valence * LANES];
+            for lane in 0..LANES {
+                let v = stars[lane.min(stars.len() - 1)].1;
+                for (k, h) in mesh.outgoing(v).enumerate() {
+                    corners[k * LANES + lane] = h.0;
+                    if lane < stars.len() {
+                        self.slot_of[h.index()] = (base + k * LANES + lane) as u32;
+                    }
+                }
+            }
+            let vertices = std::array::from_fn(|lane| stars[lane.min(stars.len() - 1)].1.0);
+            let block = self.blocks.last_mut().expect("pushed above when none had room");
+            block.batches.push(Batch { valence, vertices, lanes: stars.len(), corners, slot: used });
+            block.valence = block.valence.max(valence);
+            used += needed;
+        }
+        let zero = (self.blocks.len() * self.slots_per_block) as u32;
+        self.slot_of.iter_mut().filter(|slot| **slot == u32::MAX).for_each(|slot| *slot = zero);
+    }
+}
+
+impl Evaluator {
+    /// For meshes of the connectivity of `mesh`. The area term compares with the geometric mean of a face's own area and
+    /// the mean area in `mesh`.
+    pub fn new(mesh: &TriMesh, energy: &'static Energy, weights: Weights) -> Self {
+        let layout = Layout::new(mesh);
+        let mean = mesh.total_area() / mesh.face_count() as f64;
+        let groups = layout.corners.len();
+        let inverse_rest_area = (0..groups)
+            .map(|g| {
+                Lanes::from_fn(|i| {
+                    let area = mesh.area(Id::new((g * LANES + i).min(layout.faces - 1)));
+                    1.0 / (area * mean).sqrt()
+                })
+            })
+            .collect();
+        let scratch = layout.blocks.iter().map(|it| (vec![Corner::default(); it.valence], vec![Pull::default(); it.valence]));
+        let stars = StarData {
+            slots: vec![[0.0; 4]; layout.blocks.len() * layout.slots_per_block + 1],
+            partials: vec![[0.0; 2]; layout.blocks.len()],
+            scratch: scratch.collect(),
+        };
+        Self {
+            energy,
+            weights,
+            inverse_rest_area,
+            groups: vec![FaceGroup::default(); groups],
+            corners: vec![[0.0; 4]; groups * LANES * 3],
+            stars,
+            pushes: vec![[0.0; 4]; groups * LANES * 3],
+            partials: vec![[0.0; 3]; groups.div_ceil(GROUPS)],
+            layout,
+        }
+    }
+
+    /// Values at positions `x` (three per vertex); `gradient` is overwritten. A degenerate face gives NaN.
+    pub fn evaluate(&mut self, x: &[f64], gradient: &mut [f64]) -> Parts {
+        assert_eq!(x.len(), 3 * self.layout.vertices);
+        assert_eq!(gradient.len(), x.len());
+        self.face_pass(x);
+        (self.energy.pass)(&self.layout, &self.corners, &mut self.stars, self.weights.defect);
+        self.push_pass();
+        self.gather_pass(gradient);
+        let mut parts = Parts::default();
+        for [energy, defect] in &self.stars.partials {
+            parts.energy += energy;
+            parts.defect += defect;
+        }
+        for [angle, area, fold] in &self.partials {
+            parts.angle += angle;
+            parts.area += area;
+            parts.fold += fold;
+        }
+        parts
+    }
+
+    /// λ per vertex at the positions of the latest evaluation; 0 where the energy has no term.
+    pub fn energies(&self) -> Vec<f64> {
+        self.rows(0)
+    }
+
+    /// Value `column` of the first row of each star.
+    fn rows(&self, column: usize) -> Vec<f64> {
+        let mut out = vec![0.0; self.layout.vertices];
+        for (b, block) in self.layout.blocks.iter().enumerate() {
+            for batch in &block.batches {
+                for lane in 0..batch.lanes {
+                    let slot = b * self.layout.slots_per_block + batch.slot + lane;
+                    out[batch.vertices[lane] as usize] = self.stars.slots[slot][column];
+                }
+            }
+        }
+        out
+    }
+
+    fn face_pass(&mut self, x: &[f64]) {
+        let (layout, weights, rest) = (&self.layout, self.weights, &self.inverse_rest_area);
+        self.groups
+            .par_chunks_mut(GROUPS)
+            .zip(self.corners.par_chunks_mut(GROUPS * LANES * 3))
+            .zip(&mut self.partials)
+            .enumerate()
+            .for_each(|(b, ((groups, corners), partial))| {
+                vectorized(#[inline(always)] || {
+                    *partial = [0.0; 3];
+                    for (i, group) in groups.iter_mut().enumerate() {
+                        let g = b * GROUPS + i;
+                        let active = (layout.faces - g * LANES).min(LANES);
+                        let out = &mut corners[i * LANES * 3..][..LANES * 3];
+                        let [angle, area] = face_group(x, &layout.corners[g], rest[g], &weights, group, out);
+                        partial[0] += angle.0[..active].iter().sum::<f64>();
+                        partial[1] += area.0[..active].iter().sum::<f64>();
+                    }
+                });
+            });
+    }
+
+    fn push_pass(&mut self) {
+        let (layout, corners, slots, weight) = (&self.layout, &self.corners, &self.stars.slots, self.weights.fold);
+        self.groups
+            .par_chunks(GROUPS)
+            .zip(self.pushes.par_chunks_mut(GROUPS * LANES * 3))
+            .zip(&mut self.partials)
+            .enumerate()
+            .for_each(|(b, ((groups, pushes), partial))| {
+                vectorized(#[inline(always)] || {
+                    for (i, group) in groups.iter().enumerate() {
+                        let first = (b * GROUPS + i) * LANES;
+                        let active = (layout.faces - first).min(LANES);
+                        let mut pull: [[[f64; 4]; 3]; LANES] = [[[0.0; 4]; 3]; LANES];
+                        for (lane, pull) in pull.iter_mut().enumerate().take(active) {
+                            for (k, pull) in pull.iter_mut().enumerate() {
+                                *pull = slots[layout.slot_of[3 * (first + lane) + k] as usize];
+                            }
+                        }
+                        let out = &mut pushes[i * LANES * 3..][..LANES * 3];
+                        let mut normal_pull = Lanes3::from_fn(|i| {
+                            std::array::from_fn(|c| pull[i][0][c] + pull[i][1][c] + pull[i][2][c])
+                        });
+                        if weight > 0.0 {
+                            partial[2] += fold_pull(layout, corners, first, active, group.normal, weight, &mut normal_pull);
+                        }
+                        let angle_pull = std::array::from_fn(|k| Lanes::from_fn(|i| pull[i][k][3]) + group.angle_pull[k]);
+                        push_group(group, normal_pull, angle_pull, out);
+                    }
+                });
+            });
+    }
+
+    fn gather_pass(&self, gradient: &mut [f64]) {
+        let (layout, pushes) = (&self.layout, &self.pushes);
+        gradient.par_chunks_mut(3 * VERTICES).enumerate().for_each(|(b, out)| {
+            vectorized(#[inline(always)] || {
+                for (i, out) in out.chunks_exact_mut(3).enumerate() {
+                    let v = b * VERTICES + i;
+                    let (from, to) = (layout.first_corner[v] as usize, layout.first_corner[v + 1] as usize);
+                    let mut sum = [0.0; 4];
+                    for &corner in &layout.corners_of[from..to] {
+                        let push = &pushes[corner as usize];
+                        (0..4).for_each(|c| sum[c] += push[c]);
+                    }
+                    out.copy_from_slice(&sum[..3]);
+                }
+            });
+        });
+    }
+}
+
+/// Geometry and barriers of one group of faces; returns the values of the angle and area terms.
+#[inline(always)]
+fn face_group(
+    x: &[f64],
+    vertices: &[[u32; LANES]; 3],
+    inverse_rest_area: Lanes,
+    weights: &Weights,
+    group: &mut FaceGroup,
+    corners: &mut [[f64; 4]],
+) -> [Lanes; 2] {
+    let one = Lanes::splat(1.0);
+    let point = |k: usize| {
+        Lanes3::from_fn(|i| {
+            let at = 3 * vertices[k][i] as usize;
+            [x[at], x[at + 1], x[at + 2]]
+        })
+    };
+    let (p0, p1, p2) = (point(0), point(1), point(2));
+    let edges = [p1 - p0, p2 - p1, p0 - p2];
+    let area_vector = edges[0].cross(edges[1]);
+    let area2 = area_vector.dot(area_vector).sqrt();
+    let inverse_area2 = one / area2;
+    let normal = area_vector.scale(inverse_area2);
+    group.normal = normal;
+    group.inverse_area2 = inverse_area2;
+    for k in 0..3 {
+        group.spin[k] = normal.cross(edges[k]);
+        group.inverse_length2[k] = one / edges[k].dot(edges[k]);
+    }
+    let first = Lanes::atan2_upper(area2, -edges[0].dot(edges[2]));
+    let second = Lanes::atan2_upper(area2, -edges[1].dot(edges[0]));
+    let angles = [first, second, Lanes::splat(std::f64::consts::PI) - first - second];
+    for i in 0..LANES {
+        let [nx, ny, nz] = normal.lane(i);
+        for k in 0..3 {
+            corners[3 * i + k] = [nx, ny, nz, angles[k].0[i]];
+        }
+    }
+    let mut values = [Lanes::default(); 2];
+    if weights.angle > 0.0 {
+        let weight = Lanes::splat(weights.angle);
+        for k in 0..3 {
+            let (value, slope) = barrier::ANGLE.at_lanes(angles[k]);
+            values[0] += weight * value;
+            group.angle_pull[k] = weight * slope;
+        }
+    }
+    if weights.area > 0.0 {
+        let weight = Lanes::splat(weights.area);
+        let ratio = Lanes::splat(0.5) * area2 * inverse_rest_area;
+        let inverse = one / ratio;
+        values[1] = weight * (ratio + inverse - Lanes::splat(2.0));
+        group.area_pull = weight * (ratio - inverse);
+    }
+    values
+}
+
+/// Adds the fold barrier of the three edges of each face to the pull on its normal; returns half its value, because each
+/// edge is met from both sides.
+#[inline(always)]
+fn fold_pull(
+    layout: &Layout,
+    corners: &[[f64; 4]],
+    first: usize,
+    active: usize,
+    normal: Lanes3,
+    weight: f64,
+    pull: &mut Lanes3,
+) -> f64 {
+    let mut sum = 0.0;
+    for k in 0..3 {
+        let other = Lanes3::from_fn(|i| {
+            let face = (first + i).min(layout.faces - 1);
+            let [x, y, z, _] = corners[layout.across[3 * face + k] as usize];
+            [x, y, z]
+        });
+        let cosine = normal.dot(other);
+        if !cosine.any_lt(Lanes::splat(barrier::FOLD.start())) {
+            continue;
+        }
+        let (value, slope) = barrier::FOLD.at_lanes(cosine);
+        *pull += other.scale(Lanes::splat(weight) * slope);
+        sum += 0.5 * weight * value.0[..active].iter().sum::<f64>();
+    }
+    sum
+}
+
+/// Gradient of each corner from the pulls on normal, angles and area of its face.
+#[inline(always)]
+fn push_group(group: &FaceGroup, normal_pull: Lanes3, angle_pull: [Lanes; 3], out: &mut [[f64; 4]]) {
+    // ∂E/∂θ_k − ∂E/∂θ_{k+1} turns along halfedge k.
+    let turns: [Lanes3; 3] = std::array::from_fn(|k| {
+        group.spin[k].scale((angle_pull[k] - angle_pull[(k + 1) % 3]) * group.inverse_length2[k])
+    });
+    for k in 0..3 {
+        let opposite = group.spin[(k + 1) % 3].scale(group.inverse_area2);
+        let tilt = group.normal.scale(normal_pull.dot(opposite));
+        let push = turns[k] - turns[(k + 2) % 3] + opposite.scale(group.area_pull) - tilt;
+        for i in 0..LANES {
+            let [x, y, z] = push.lane(i);
+            out[3 * i + k] = [x, y, z, 0.0];
+        }
+    }
+}
+
+/// Applies `star` to every batch and adds the defect barrier.
+pub(super) fn star_pass(
+    star: impl Fn(&[Corner], &mut [Pull]) -> Lanes + Sync,
+    layout: &Layout,
+    corners: &[[f64; 4]],
+    out: &mut StarData,
+    defect_weight: f64,
+) {
+    layout
+        .blocks
+        .par_iter()
+        .zip(out.slots.par_chunks_mut(layout.slots_per_block.max(1)))
+        .zip(&mut out.partials)
+        .zip(&mut out.scratch)
+        .for_each(|(((block, slots), partial), (gathered, pulls))| {
+            vectorized(#[inline(always)] || {
+                *partial = [0.0; 2];
+                for batch in &block.batches {
+                    let n = batch.valence;
+                    let (gathered, pulls) = (&mut gathered[..n], &mut pulls[..n]);
+                    let mut defect = Lanes::splat(std::f64::consts::TAU);
+                    for (k, corner) in gathered.iter_mut().enumerate() {
+                        let row: [[f64; 4]; LANES] =
+                            std::array::from_fn(|i| corners[batch.corners[k * LANES + i] as usize]);
+                        corner.normal = Lanes3(std::array::from_fn(|c| Lanes::from_fn(|i| row[i][c])));
+                        corner.angle = Lanes::from_fn(|i| row[i][3]);
+                        defect = defect - corner.angle;
+                    }
+                    // Valence 3 is left free (SGC section 4.1.4, triple points): it could only be flat.
+                    let lambda = if n > 3 {
+                        star(gathered, pulls)
+                    } else {
+                        pulls.fill(Pull::default());
+                        Lanes::default()
+                    };
+                    partial[0] += lambda.0[..batch.lanes].iter().sum::<f64>();
+                    let mut turn = Lanes::default();
+                    if defect_weight > 0.0 {
+                        let (value, slope) = defect_barrier(defect, defect_weight);
+                        turn = slope;
+                        partial[1] += value.0[..batch.lanes].iter().sum::<f64>();
+                    }
+                    let rows = &mut slots[batch.slot..][..(n + 1) * LANES];
+                    for i in 0..LANES {
+                        rows[i] = [lambda.0[i], defect.0[i], 0.0, 0.0];
+                    }
+                    for (k, pull) in pulls.iter().enumerate() {
+                        let angle = pull.angle - turn;
+                        for i in 0..LANES {
+                            let [x, y, z] = pull.normal.lane(i);
+                            rows[(k + 1) * LANES + i] = [x, y, z, angle.0[i]];
+                        }
+                    }
+                }
+            });
+        });
+}
+
+/// weight · (|K| − 1.2)₊² and its derivative by K.
+#[inline(always)]
+fn defect_barrier(defect: Lanes, weight: f64) -> (Lanes, Lanes) {
+    let zero = Lanes::default();
+    let excess = defect.abs() - Lanes::splat(barrier::DEFECT);
+    let excess = zero.lt_select(excess, excess, zero);
+    let signed = defect.lt_select(zero, -excess, excess);
+    (Lanes::splat(weight) * excess * excess, Lanes::splat(2.0 * weight) * signed)
+}
