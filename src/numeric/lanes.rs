@@ -3,10 +3,7 @@
 //! Every lane does the same IEEE operations in the same order as scalar code would (no fused multiply-add, no
 //! reassociation), so results do not depend on the width of the machine's vectors. Wrap hot loops in
 //! [`vectorized`], and mark everything below it `#[inline(always)]`: only then is it compiled for wide registers.
-use std::{
-    array,
-    ops::{Add, AddAssign, Div, Mul, Neg, Sub},
-};
+use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
 /// Numbers per group.
 pub const LANES: usize = 8;
@@ -31,26 +28,55 @@ impl Lanes {
 
     /// One number per lane, made from its index.
     #[inline(always)]
-    pub fn from_fn(f: impl FnMut(usize) -> f64) -> Self {
-        Self(array::from_fn(f))
+    pub fn from_fn(mut f: impl FnMut(usize) -> f64) -> Self {
+        // Not `array::from_fn`: its internals are not always inlined, and then compiled without wide registers.
+        let mut out = [0.0; LANES];
+        for (i, out) in out.iter_mut().enumerate() {
+            *out = f(i);
+        }
+        Self(out)
+    }
+
+    /// `f` of every lane.
+    #[inline(always)]
+    fn map(self, f: impl Fn(f64) -> f64) -> Self {
+        let mut out = [0.0; LANES];
+        for i in 0..LANES {
+            out[i] = f(self.0[i]);
+        }
+        Self(out)
+    }
+
+    /// `f` of every pair of lanes.
+    #[inline(always)]
+    fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
+        let mut out = [0.0; LANES];
+        for i in 0..LANES {
+            out[i] = f(self.0[i], other.0[i]);
+        }
+        Self(out)
     }
 
     /// Square root.
     #[inline(always)]
     pub fn sqrt(self) -> Self {
-        Self::from_fn(|i| self.0[i].sqrt())
+        self.map(#[inline(always)] |x| x.sqrt())
     }
 
     /// Absolute value.
     #[inline(always)]
     pub fn abs(self) -> Self {
-        Self::from_fn(|i| self.0[i].abs())
+        self.map(#[inline(always)] |x| x.abs())
     }
 
     /// `yes` where `self < other`, else (also for NaN) `no`.
     #[inline(always)]
     pub fn lt_select(self, other: Self, yes: Self, no: Self) -> Self {
-        Self::from_fn(|i| if self.0[i] < other.0[i] { yes.0[i] } else { no.0[i] })
+        let mut out = [0.0; LANES];
+        for i in 0..LANES {
+            out[i] = if self.0[i] < other.0[i] { yes.0[i] } else { no.0[i] };
+        }
+        Self(out)
     }
 
     /// Whether `self < other` in any lane.
@@ -99,7 +125,7 @@ macro_rules! lanewise {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
-                Self::from_fn(|i| self.0[i].$method(other.0[i]))
+                self.zip(other, #[inline(always)] |a, b| a.$method(b))
             }
         }
     )*};
@@ -117,7 +143,7 @@ impl Neg for Lanes {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        Self::from_fn(|i| -self.0[i])
+        self.map(#[inline(always)] |x| -x)
     }
 }
 
@@ -128,9 +154,15 @@ pub struct Lanes3(pub [Lanes; 3]);
 impl Lanes3 {
     /// One vector per lane.
     #[inline(always)]
-    pub fn from_fn(f: impl Fn(usize) -> [f64; 3]) -> Self {
-        let points: [[f64; 3]; LANES] = array::from_fn(f);
-        Self(array::from_fn(|c| Lanes::from_fn(|i| points[i][c])))
+    pub fn from_fn(mut f: impl FnMut(usize) -> [f64; 3]) -> Self {
+        let mut out = Self::default();
+        for i in 0..LANES {
+            let [x, y, z] = f(i);
+            out.0[0].0[i] = x;
+            out.0[1].0[i] = y;
+            out.0[2].0[i] = z;
+        }
+        out
     }
 
     /// Inner product.
@@ -149,13 +181,15 @@ impl Lanes3 {
     /// Each vector times the number of its lane.
     #[inline(always)]
     pub fn scale(self, s: Lanes) -> Self {
-        Self(self.0.map(|c| c * s))
+        let [x, y, z] = self.0;
+        Self([x * s, y * s, z * s])
     }
 
     /// `yes` where `a < b`, else `no`.
     #[inline(always)]
     pub fn lt_select(a: Lanes, b: Lanes, yes: Self, no: Self) -> Self {
-        Self(array::from_fn(|c| a.lt_select(b, yes.0[c], no.0[c])))
+        let ([p, q, r], [x, y, z]) = (yes.0, no.0);
+        Self([a.lt_select(b, p, x), a.lt_select(b, q, y), a.lt_select(b, r, z)])
     }
 
     /// The vector of one lane.
@@ -169,7 +203,8 @@ impl Add for Lanes3 {
     type Output = Self;
     #[inline(always)]
     fn add(self, o: Self) -> Self {
-        Self(array::from_fn(|c| self.0[c] + o.0[c]))
+        let ([a, b, c], [x, y, z]) = (self.0, o.0);
+        Self([a + x, b + y, c + z])
     }
 }
 
@@ -177,7 +212,8 @@ impl Sub for Lanes3 {
     type Output = Self;
     #[inline(always)]
     fn sub(self, o: Self) -> Self {
-        Self(array::from_fn(|c| self.0[c] - o.0[c]))
+        let ([a, b, c], [x, y, z]) = (self.0, o.0);
+        Self([a - x, b - y, c - z])
     }
 }
 

@@ -315,13 +315,19 @@ impl Evaluator {
                             }
                         }
                         let out = &mut pushes[i * LANES * 3..][..LANES * 3];
-                        let mut normal_pull = Lanes3::from_fn(|i| {
-                            std::array::from_fn(|c| pull[i][0][c] + pull[i][1][c] + pull[i][2][c])
-                        });
+                        let mut normal_pull = Lanes3::default();
+                        let mut angle_pull = group.angle_pull;
+                        for (i, [p, q, r]) in pull.iter().enumerate() {
+                            for c in 0..3 {
+                                normal_pull.0[c].0[i] = p[c] + q[c] + r[c];
+                            }
+                            angle_pull[0].0[i] += p[3];
+                            angle_pull[1].0[i] += q[3];
+                            angle_pull[2].0[i] += r[3];
+                        }
                         if weight > 0.0 {
                             partial[2] += fold_pull(layout, corners, first, active, group.normal, weight, &mut normal_pull);
                         }
-                        let angle_pull = std::array::from_fn(|k| Lanes::from_fn(|i| pull[i][k][3]) + group.angle_pull[k]);
                         push_group(group, normal_pull, angle_pull, out);
                     }
                 });
@@ -338,13 +344,27 @@ impl Evaluator {
                     let mut sum = [0.0; 4];
                     for &corner in &layout.corners_of[from..to] {
                         let push = &pushes[corner as usize];
-                        (0..4).for_each(|c| sum[c] += push[c]);
+                        for c in 0..4 {
+                            sum[c] += push[c];
+                        }
                     }
                     out.copy_from_slice(&sum[..3]);
                 }
             });
         });
     }
+}
+
+/// One position per lane.
+#[inline(always)]
+fn positions(x: &[f64], vertices: &[u32; LANES]) -> Lanes3 {
+    Lanes3::from_fn(
+        #[inline(always)]
+        |i| {
+            let at = 3 * vertices[i] as usize;
+            [x[at], x[at + 1], x[at + 2]]
+        },
+    )
 }
 
 /// Geometry and barriers of one group of faces; returns the values of the angle and area terms.
@@ -358,13 +378,7 @@ fn face_group(
     corners: &mut [[f64; 4]],
 ) -> [Lanes; 2] {
     let one = Lanes::splat(1.0);
-    let point = |k: usize| {
-        Lanes3::from_fn(|i| {
-            let at = 3 * vertices[k][i] as usize;
-            [x[at], x[at + 1], x[at + 2]]
-        })
-    };
-    let (p0, p1, p2) = (point(0), point(1), point(2));
+    let [p0, p1, p2] = [positions(x, &vertices[0]), positions(x, &vertices[1]), positions(x, &vertices[2])];
     let edges = [p1 - p0, p2 - p1, p0 - p2];
     let area_vector = edges[0].cross(edges[1]);
     let area2 = area_vector.dot(area_vector).sqrt();
@@ -418,7 +432,7 @@ fn fold_pull(
 ) -> f64 {
     let mut sum = 0.0;
     for k in 0..3 {
-        let other = Lanes3::from_fn(|i| {
+        let other = Lanes3::from_fn(#[inline(always)] |i| {
             let face = (first + i).min(layout.faces - 1);
             let [x, y, z, _] = corners[layout.across[3 * face + k] as usize];
             [x, y, z]
@@ -438,9 +452,10 @@ fn fold_pull(
 #[inline(always)]
 fn push_group(group: &FaceGroup, normal_pull: Lanes3, angle_pull: [Lanes; 3], out: &mut [[f64; 4]]) {
     // ∂E/∂θ_k − ∂E/∂θ_{k+1} turns along halfedge k.
-    let turns: [Lanes3; 3] = std::array::from_fn(|k| {
-        group.spin[k].scale((angle_pull[k] - angle_pull[(k + 1) % 3]) * group.inverse_length2[k])
-    });
+    let mut turns = [Lanes3::default(); 3];
+    for k in 0..3 {
+        turns[k] = group.spin[k].scale((angle_pull[k] - angle_pull[(k + 1) % 3]) * group.inverse_length2[k]);
+    }
     for k in 0..3 {
         let opposite = group.spin[(k + 1) % 3].scale(group.inverse_area2);
         let tilt = group.normal.scale(normal_pull.dot(opposite));
@@ -474,10 +489,13 @@ pub(super) fn star_pass(
                     let (gathered, pulls) = (&mut gathered[..n], &mut pulls[..n]);
                     let mut defect = Lanes::splat(std::f64::consts::TAU);
                     for (k, corner) in gathered.iter_mut().enumerate() {
-                        let row: [[f64; 4]; LANES] =
-                            std::array::from_fn(|i| corners[batch.corners[k * LANES + i] as usize]);
-                        corner.normal = Lanes3(std::array::from_fn(|c| Lanes::from_fn(|i| row[i][c])));
-                        corner.angle = Lanes::from_fn(|i| row[i][3]);
+                        for (i, &at) in batch.corners[k * LANES..][..LANES].iter().enumerate() {
+                            let [x, y, z, angle] = corners[at as usize];
+                            corner.normal.0[0].0[i] = x;
+                            corner.normal.0[1].0[i] = y;
+                            corner.normal.0[2].0[i] = z;
+                            corner.angle.0[i] = angle;
+                        }
                         defect = defect - corner.angle;
                     }
                     // Valence 3 is left free (SGC section 4.1.4, triple points): it could only be flat.

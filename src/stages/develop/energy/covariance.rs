@@ -36,17 +36,8 @@ pub(in super::super) fn ruling(corners: &[Corner]) -> Lanes3 {
         yz += ay * *z;
         zz += *angle * *z * *z;
     }
-    let trace = xx + yy + zz;
-    let null_vector = |shift: Lanes| {
-        let (a, b, c) = (xx - shift, yy - shift, zz - shift);
-        let (r0, r1, r2) = (Lanes3([a, xy, xz]), Lanes3([xy, b, yz]), Lanes3([xz, yz, c]));
-        let (u01, u12, u20) = (r0.cross(r1), r1.cross(r2), r2.cross(r0));
-        let (n01, n12, n20) = (u01.dot(u01), u12.dot(u12), u20.dot(u20));
-        let u = Lanes3::lt_select(n01, n12, u12, u01);
-        let n = n01.lt_select(n12, n12, n01);
-        (Lanes3::lt_select(n, n20, u20, u), n.lt_select(n20, n20, n))
-    };
-    let (rough, norm2) = null_vector(smallest_root([xx, xy, xz, yy, yz, zz], trace));
+    let (trace, matrix) = (xx + yy + zz, [xx, xy, xz, yy, yz, zz]);
+    let (rough, norm2) = null_vector(matrix, smallest_root(matrix, trace));
     let rough = rough.scale(Lanes::splat(1.0) / norm2.sqrt());
     // One Rayleigh step: the quotient from the normals is exact where the root of the cubic has cancelled.
     let mut quotient = Lanes::default();
@@ -54,7 +45,7 @@ pub(in super::super) fn ruling(corners: &[Corner]) -> Lanes3 {
         let height = rough.dot(corner.normal);
         quotient += corner.angle * height * height;
     }
-    let (u, norm2) = null_vector(quotient);
+    let (u, norm2) = null_vector(matrix, quotient);
     let mut u = u.scale(Lanes::splat(1.0) / norm2.sqrt());
     let limit = trace * trace * trace * trace * Lanes::splat(UNSURE);
     // Also true for NaN, which the fallback passes on.
@@ -67,6 +58,18 @@ pub(in super::super) fn ruling(corners: &[Corner]) -> Lanes3 {
         }
     }
     u
+}
+
+/// The longest cross product of two rows of A − shift, along its null vector if it has one, and its squared length.
+#[inline(always)]
+fn null_vector([xx, xy, xz, yy, yz, zz]: [Lanes; 6], shift: Lanes) -> (Lanes3, Lanes) {
+    let (a, b, c) = (xx - shift, yy - shift, zz - shift);
+    let (r0, r1, r2) = (Lanes3([a, xy, xz]), Lanes3([xy, b, yz]), Lanes3([xz, yz, c]));
+    let (u01, u12, u20) = (r0.cross(r1), r1.cross(r2), r2.cross(r0));
+    let (n01, n12, n20) = (u01.dot(u01), u12.dot(u12), u20.dot(u20));
+    let u = Lanes3::lt_select(n01, n12, u12, u01);
+    let n = n01.lt_select(n12, n12, n01);
+    (Lanes3::lt_select(n, n20, u20, u), n.lt_select(n20, n20, n))
 }
 
 /// Smallest root of the characteristic cubic λ³ − tλ² + mλ − d by Newton's method from 0, which rises monotonically to
