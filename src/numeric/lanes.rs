@@ -60,13 +60,19 @@ impl Lanes {
     /// Square root.
     #[inline(always)]
     pub fn sqrt(self) -> Self {
-        self.map(#[inline(always)] |x| x.sqrt())
+        self.map(
+            #[inline(always)]
+            |x| x.sqrt(),
+        )
     }
 
     /// Absolute value.
     #[inline(always)]
     pub fn abs(self) -> Self {
-        self.map(#[inline(always)] |x| x.abs())
+        self.map(
+            #[inline(always)]
+            |x| x.abs(),
+        )
     }
 
     /// `yes` where `self < other`, else (also for NaN) `no`.
@@ -117,7 +123,20 @@ impl Lanes {
 /// tan(π/8) = √2 − 1.
 const TAN_PI_8: f64 = std::f64::consts::SQRT_2 - 1.0;
 /// atan(t)/t in powers of t², interpolated at Chebyshev nodes in extended precision.
-const ATAN: [f64; 12] = [1.0, -0.3333333333333312, 0.19999999999940557, -0.1428571427922286, 0.11111110743774345, -0.09090896781377046, 0.0769204491388214, -0.06662947756516754, 0.05846852704887618, -0.050350011128756235, 0.037962963745558805, -0.017803130593488224];
+const ATAN: [f64; 12] = [
+    1.0,
+    -0.3333333333333312,
+    0.19999999999940557,
+    -0.1428571427922286,
+    0.11111110743774345,
+    -0.09090896781377046,
+    0.0769204491388214,
+    -0.06662947756516754,
+    0.05846852704887618,
+    -0.050350011128756235,
+    0.037962963745558805,
+    -0.017803130593488224,
+];
 
 macro_rules! lanewise {
     ($($op:ident $method:ident),*) => {$(
@@ -143,7 +162,10 @@ impl Neg for Lanes {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        self.map(#[inline(always)] |x| -x)
+        self.map(
+            #[inline(always)]
+            |x| -x,
+        )
     }
 }
 

@@ -179,7 +179,8 @@ impl Lbfgs {
             if past.len() > limits.window + 1 {
                 past.pop_front();
             }
-            if limits.decrease > 0.0 && past.len() > limits.window && past[0] - value < limits.decrease * past[0].abs() {
+            if limits.decrease > 0.0 && past.len() > limits.window && past[0] - value < limits.decrease * past[0].abs()
+            {
                 outcome.stop = Stop::Stalled;
                 break;
             }

@@ -75,8 +75,13 @@ mod tests {
 
     #[test]
     fn steps_back_from_the_infeasible() {
-        let log_barrier = |t: f64| if t < 1.0 { (-t - (1.0 - t).ln(), -1.0 + 1.0 / (1.0 - t) - 0.5) } else { (f64::NAN, f64::NAN) };
-        let t = search(64.0, |t| { let (v, s) = log_barrier(t); (v - 0.5 * t, s) }).unwrap();
+        let log_barrier =
+            |t: f64| if t < 1.0 { (-t - (1.0 - t).ln(), -1.0 + 1.0 / (1.0 - t) - 0.5) } else { (f64::NAN, f64::NAN) };
+        let t = search(64.0, |t| {
+            let (v, s) = log_barrier(t);
+            (v - 0.5 * t, s)
+        })
+        .unwrap();
         assert!(t < 1.0);
     }
 

@@ -83,7 +83,9 @@ mod tests {
                 let z = -1.2 + 2.0 * f64::from(step) / 1999.0;
                 let (value, slope) = barrier.at(z);
                 let (values, slopes) = barrier.at_lanes(Lanes::splat(z));
-                assert!((values.0[0] - value).abs() <= 1e-13 * value && (slopes.0[0] - slope).abs() <= 1e-13 * slope.abs());
+                assert!(
+                    (values.0[0] - value).abs() <= 1e-13 * value && (slopes.0[0] - slope).abs() <= 1e-13 * slope.abs()
+                );
                 let h = 1e-7;
                 let difference = (barrier.at(z + h).0 - barrier.at(z - h).0) / (2.0 * h);
                 assert!((difference - slope).abs() <= 1e-4 * (1.0 + slope.abs()), "{z}: {slope} {difference}");

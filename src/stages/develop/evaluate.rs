@@ -161,11 +161,8 @@ impl Layout {
 
     /// Sorts interior stars by valence into batches, batches into blocks.
     fn arrange_stars(&mut self, mesh: &TriMesh) {
-        let mut order: Vec<(usize, VertexId)> = mesh
-            .vertices()
-            .filter(|&v| !mesh.is_boundary_vertex(v))
-            .map(|v| (mesh.face_degree(v), v))
-            .collect();
+        let mut order: Vec<(usize, VertexId)> =
+            mesh.vertices().filter(|&v| !mesh.is_boundary_vertex(v)).map(|v| (mesh.face_degree(v), v)).collect();
         order.sort_unstable();
         let widest = order.last().map_or(0, |it| it.0);
         self.slots_per_block = SLOTS.max((widest + 1) * LANES);
@@ -215,7 +212,8 @@ impl Evaluator {
                 })
             })
             .collect();
-        let scratch = layout.blocks.iter().map(|it| (vec![Corner::default(); it.valence], vec![Pull::default(); it.valence]));
+        let scratch =
+            layout.blocks.iter().map(|it| (vec![Corner::default(); it.valence], vec![Pull::default(); it.valence]));
         let stars = StarData {
             slots: vec![[0.0; 4]; layout.blocks.len() * layout.slots_per_block + 1],
             partials: vec![[0.0; 2]; layout.blocks.len()],
@@ -255,6 +253,11 @@ impl Evaluator {
         parts
     }
 
+    /// Number of faces.
+    pub(super) fn face_count(&self) -> usize {
+        self.layout.faces
+    }
+
     /// λ per vertex at the positions of the latest evaluation; 0 where the energy has no term.
     pub fn energies(&self) -> Vec<f64> {
         self.rows(0)
@@ -282,17 +285,20 @@ impl Evaluator {
             .zip(&mut self.partials)
             .enumerate()
             .for_each(|(b, ((groups, corners), partial))| {
-                vectorized(#[inline(always)] || {
-                    *partial = [0.0; 3];
-                    for (i, group) in groups.iter_mut().enumerate() {
-                        let g = b * GROUPS + i;
-                        let active = (layout.faces - g * LANES).min(LANES);
-                        let out = &mut corners[i * LANES * 3..][..LANES * 3];
-                        let [angle, area] = face_group(x, &layout.corners[g], rest[g], &weights, group, out);
-                        partial[0] += angle.0[..active].iter().sum::<f64>();
-                        partial[1] += area.0[..active].iter().sum::<f64>();
-                    }
-                });
+                vectorized(
+                    #[inline(always)]
+                    || {
+                        *partial = [0.0; 3];
+                        for (i, group) in groups.iter_mut().enumerate() {
+                            let g = b * GROUPS + i;
+                            let active = (layout.faces - g * LANES).min(LANES);
+                            let out = &mut corners[i * LANES * 3..][..LANES * 3];
+                            let [angle, area] = face_group(x, &layout.corners[g], rest[g], &weights, group, out);
+                            partial[0] += angle.0[..active].iter().sum::<f64>();
+                            partial[1] += area.0[..active].iter().sum::<f64>();
+                        }
+                    },
+                );
             });
     }
 
@@ -304,53 +310,60 @@ impl Evaluator {
             .zip(&mut self.partials)
             .enumerate()
             .for_each(|(b, ((groups, pushes), partial))| {
-                vectorized(#[inline(always)] || {
-                    for (i, group) in groups.iter().enumerate() {
-                        let first = (b * GROUPS + i) * LANES;
-                        let active = (layout.faces - first).min(LANES);
-                        let mut pull: [[[f64; 4]; 3]; LANES] = [[[0.0; 4]; 3]; LANES];
-                        for (lane, pull) in pull.iter_mut().enumerate().take(active) {
-                            for (k, pull) in pull.iter_mut().enumerate() {
-                                *pull = slots[layout.slot_of[3 * (first + lane) + k] as usize];
+                vectorized(
+                    #[inline(always)]
+                    || {
+                        for (i, group) in groups.iter().enumerate() {
+                            let first = (b * GROUPS + i) * LANES;
+                            let active = (layout.faces - first).min(LANES);
+                            let mut pull: [[[f64; 4]; 3]; LANES] = [[[0.0; 4]; 3]; LANES];
+                            for (lane, pull) in pull.iter_mut().enumerate().take(active) {
+                                for (k, pull) in pull.iter_mut().enumerate() {
+                                    *pull = slots[layout.slot_of[3 * (first + lane) + k] as usize];
+                                }
                             }
-                        }
-                        let out = &mut pushes[i * LANES * 3..][..LANES * 3];
-                        let mut normal_pull = Lanes3::default();
-                        let mut angle_pull = group.angle_pull;
-                        for (i, [p, q, r]) in pull.iter().enumerate() {
-                            for c in 0..3 {
-                                normal_pull.0[c].0[i] = p[c] + q[c] + r[c];
+                            let out = &mut pushes[i * LANES * 3..][..LANES * 3];
+                            let mut normal_pull = Lanes3::default();
+                            let mut angle_pull = group.angle_pull;
+                            for (i, [p, q, r]) in pull.iter().enumerate() {
+                                for c in 0..3 {
+                                    normal_pull.0[c].0[i] = p[c] + q[c] + r[c];
+                                }
+                                angle_pull[0].0[i] += p[3];
+                                angle_pull[1].0[i] += q[3];
+                                angle_pull[2].0[i] += r[3];
                             }
-                            angle_pull[0].0[i] += p[3];
-                            angle_pull[1].0[i] += q[3];
-                            angle_pull[2].0[i] += r[3];
+                            if weight > 0.0 {
+                                partial[2] +=
+                                    fold_pull(layout, corners, first, active, group.normal, weight, &mut normal_pull);
+                            }
+                            push_group(group, normal_pull, angle_pull, out);
                         }
-                        if weight > 0.0 {
-                            partial[2] += fold_pull(layout, corners, first, active, group.normal, weight, &mut normal_pull);
-                        }
-                        push_group(group, normal_pull, angle_pull, out);
-                    }
-                });
+                    },
+                );
             });
     }
 
     fn gather_pass(&self, gradient: &mut [f64]) {
         let (layout, pushes) = (&self.layout, &self.pushes);
         gradient.par_chunks_mut(3 * VERTICES).enumerate().for_each(|(b, out)| {
-            vectorized(#[inline(always)] || {
-                for (i, out) in out.chunks_exact_mut(3).enumerate() {
-                    let v = b * VERTICES + i;
-                    let (from, to) = (layout.first_corner[v] as usize, layout.first_corner[v + 1] as usize);
-                    let mut sum = [0.0; 4];
-                    for &corner in &layout.corners_of[from..to] {
-                        let push = &pushes[corner as usize];
-                        for c in 0..4 {
-                            sum[c] += push[c];
+            vectorized(
+                #[inline(always)]
+                || {
+                    for (i, out) in out.chunks_exact_mut(3).enumerate() {
+                        let v = b * VERTICES + i;
+                        let (from, to) = (layout.first_corner[v] as usize, layout.first_corner[v + 1] as usize);
+                        let mut sum = [0.0; 4];
+                        for &corner in &layout.corners_of[from..to] {
+                            let push = &pushes[corner as usize];
+                            for c in 0..4 {
+                                sum[c] += push[c];
+                            }
                         }
+                        out.copy_from_slice(&sum[..3]);
                     }
-                    out.copy_from_slice(&sum[..3]);
-                }
-            });
+                },
+            );
         });
     }
 }
@@ -432,11 +445,14 @@ fn fold_pull(
 ) -> f64 {
     let mut sum = 0.0;
     for k in 0..3 {
-        let other = Lanes3::from_fn(#[inline(always)] |i| {
-            let face = (first + i).min(layout.faces - 1);
-            let [x, y, z, _] = corners[layout.across[3 * face + k] as usize];
-            [x, y, z]
-        });
+        let other = Lanes3::from_fn(
+            #[inline(always)]
+            |i| {
+                let face = (first + i).min(layout.faces - 1);
+                let [x, y, z, _] = corners[layout.across[3 * face + k] as usize];
+                [x, y, z]
+            },
+        );
         let cosine = normal.dot(other);
         if !cosine.any_lt(Lanes::splat(barrier::FOLD.start())) {
             continue;
@@ -482,49 +498,52 @@ pub(super) fn star_pass(
         .zip(&mut out.partials)
         .zip(&mut out.scratch)
         .for_each(|(((block, slots), partial), (gathered, pulls))| {
-            vectorized(#[inline(always)] || {
-                *partial = [0.0; 2];
-                for batch in &block.batches {
-                    let n = batch.valence;
-                    let (gathered, pulls) = (&mut gathered[..n], &mut pulls[..n]);
-                    let mut defect = Lanes::splat(std::f64::consts::TAU);
-                    for (k, corner) in gathered.iter_mut().enumerate() {
-                        for (i, &at) in batch.corners[k * LANES..][..LANES].iter().enumerate() {
-                            let [x, y, z, angle] = corners[at as usize];
-                            corner.normal.0[0].0[i] = x;
-                            corner.normal.0[1].0[i] = y;
-                            corner.normal.0[2].0[i] = z;
-                            corner.angle.0[i] = angle;
+            vectorized(
+                #[inline(always)]
+                || {
+                    *partial = [0.0; 2];
+                    for batch in &block.batches {
+                        let n = batch.valence;
+                        let (gathered, pulls) = (&mut gathered[..n], &mut pulls[..n]);
+                        let mut defect = Lanes::splat(std::f64::consts::TAU);
+                        for (k, corner) in gathered.iter_mut().enumerate() {
+                            for (i, &at) in batch.corners[k * LANES..][..LANES].iter().enumerate() {
+                                let [x, y, z, angle] = corners[at as usize];
+                                corner.normal.0[0].0[i] = x;
+                                corner.normal.0[1].0[i] = y;
+                                corner.normal.0[2].0[i] = z;
+                                corner.angle.0[i] = angle;
+                            }
+                            defect = defect - corner.angle;
                         }
-                        defect = defect - corner.angle;
-                    }
-                    // Valence 3 is left free (SGC section 4.1.4, triple points): it could only be flat.
-                    let lambda = if n > 3 {
-                        star(gathered, pulls)
-                    } else {
-                        pulls.fill(Pull::default());
-                        Lanes::default()
-                    };
-                    partial[0] += lambda.0[..batch.lanes].iter().sum::<f64>();
-                    let mut turn = Lanes::default();
-                    if defect_weight > 0.0 {
-                        let (value, slope) = defect_barrier(defect, defect_weight);
-                        turn = slope;
-                        partial[1] += value.0[..batch.lanes].iter().sum::<f64>();
-                    }
-                    let rows = &mut slots[batch.slot..][..(n + 1) * LANES];
-                    for i in 0..LANES {
-                        rows[i] = [lambda.0[i], defect.0[i], 0.0, 0.0];
-                    }
-                    for (k, pull) in pulls.iter().enumerate() {
-                        let angle = pull.angle - turn;
+                        // Valence 3 is left free (SGC section 4.1.4, triple points): it could only be flat.
+                        let lambda = if n > 3 {
+                            star(gathered, pulls)
+                        } else {
+                            pulls.fill(Pull::default());
+                            Lanes::default()
+                        };
+                        partial[0] += lambda.0[..batch.lanes].iter().sum::<f64>();
+                        let mut turn = Lanes::default();
+                        if defect_weight > 0.0 {
+                            let (value, slope) = defect_barrier(defect, defect_weight);
+                            turn = slope;
+                            partial[1] += value.0[..batch.lanes].iter().sum::<f64>();
+                        }
+                        let rows = &mut slots[batch.slot..][..(n + 1) * LANES];
                         for i in 0..LANES {
-                            let [x, y, z] = pull.normal.lane(i);
-                            rows[(k + 1) * LANES + i] = [x, y, z, angle.0[i]];
+                            rows[i] = [lambda.0[i], defect.0[i], 0.0, 0.0];
+                        }
+                        for (k, pull) in pulls.iter().enumerate() {
+                            let angle = pull.angle - turn;
+                            for i in 0..LANES {
+                                let [x, y, z] = pull.normal.lane(i);
+                                rows[(k + 1) * LANES + i] = [x, y, z, angle.0[i]];
+                            }
                         }
                     }
-                }
-            });
+                },
+            );
         });
 }
 

@@ -103,9 +103,8 @@ fn smallest_root([xx, xy, xz, yy, yz, zz]: [Lanes; 6], trace: Lanes) -> Lanes {
 fn ruling_exact(corners: &[Corner], lane: usize) -> [f64; 3] {
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let unit = |a: [f64; 3]| a.map(|c| c / dot(a, a).sqrt());
-    let cross = |a: [f64; 3], b: [f64; 3]| {
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    };
+    let cross =
+        |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
     let mut mean = [0.0; 3];
     for corner in corners {
         let n = corner.normal.lane(lane);

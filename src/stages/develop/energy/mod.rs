@@ -46,7 +46,16 @@ impl std::fmt::Debug for Energy {
 pub const ENERGIES: &[Energy] = &[Energy {
     name: "covariance",
     about: "smallest eigenvalue of the angle-weighted covariance of the normals around a vertex (SGC eq. 3)",
-    pass: |stars, corners, out, weight| star_pass(#[inline(always)] |star, pulls| covariance::star(star, pulls), stars, corners, out, weight),
+    pass: |stars, corners, out, weight| {
+        star_pass(
+            #[inline(always)]
+            |star, pulls| covariance::star(star, pulls),
+            stars,
+            corners,
+            out,
+            weight,
+        )
+    },
 }];
 
 impl Energy {
