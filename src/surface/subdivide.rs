@@ -25,7 +25,10 @@ pub fn subdivide(mesh: &TriMesh) -> Result<TriMesh, MeshError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{geom::Vec3, mesh::{FaceId, VertexId}};
+    use crate::{
+        geom::Vec3,
+        mesh::{FaceId, VertexId},
+    };
 
     fn tetrahedron() -> TriMesh {
         let p = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]].map(Vec3::from).to_vec();

@@ -95,10 +95,13 @@ struct FaceGroup {
 pub struct Parts {
     /// Σ λ over interior vertices of valence > 3, unweighted.
     pub energy: f64,
-    /// Barriers.
+    /// Angle barrier.
     pub angle: f64,
+    /// Fold barrier.
     pub fold: f64,
+    /// Angle-defect barrier.
     pub defect: f64,
+    /// Area term.
     pub area: f64,
 }
 
@@ -555,4 +558,210 @@ fn defect_barrier(defect: Lanes, weight: f64) -> (Lanes, Lanes) {
     let excess = zero.lt_select(excess, excess, zero);
     let signed = defect.lt_select(zero, -excess, excess);
     (Lanes::splat(weight) * excess * excess, Lanes::splat(2.0 * weight) * signed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{geom::Vec3, stages::develop::energy::ENERGIES, surface::subdivide};
+
+    /// Displaces every vertex by up to `noise` in a way that only looks random.
+    fn shaken(mesh: &TriMesh, noise: f64) -> TriMesh {
+        let mut mesh = mesh.clone();
+        for (i, p) in mesh.positions_mut().as_mut_slice().iter_mut().enumerate() {
+            let wave = |k: f64| (k * (i as f64 + 1.0)).sin();
+            *p += noise * Vec3::new(wave(12.9898), wave(78.233), wave(37.719));
+        }
+        mesh
+    }
+
+    /// Closed, 258 vertices, six of valence 4.
+    fn ball() -> TriMesh {
+        let p =
+            [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]];
+        let faces = [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
+        let mut mesh = TriMesh::new(p.map(Vec3::from).to_vec(), &faces).unwrap();
+        for _ in 0..3 {
+            mesh = subdivide(&mesh).unwrap();
+            mesh.positions_mut().as_mut_slice().iter_mut().for_each(|p| *p = p.normalize());
+        }
+        mesh
+    }
+
+    /// With corners of valence 3 and a boundary: a tetrahedron without one of its sixteen faces.
+    fn open_tetrahedron() -> TriMesh {
+        let p = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]].map(Vec3::from).to_vec();
+        let fine = subdivide(&TriMesh::new(p, &[[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]).unwrap()).unwrap();
+        TriMesh::new(fine.positions().as_slice().to_vec(), &fine.face_indices()[1..]).unwrap()
+    }
+
+    /// `radius` · (cos φ, sin φ) and z, meshed along the rulings of a cylinder (or a cone for a nonzero slope).
+    fn ruled(slope: f64) -> TriMesh {
+        let (around, along) = (12, 5);
+        let mut positions = Vec::new();
+        for j in 0..along {
+            for i in 0..around {
+                let phi = f64::from(i) / f64::from(around) * 4.0;
+                let z = f64::from(j) * 0.4;
+                let r = 1.0 + slope * z;
+                positions.push(Vec3::new(r * phi.cos(), r * phi.sin(), z));
+            }
+        }
+        let id = |i: i32, j: i32| (j * around + i) as u32;
+        let faces: Vec<_> = (0..along - 1)
+            .flat_map(|j| (0..around - 1).map(move |i| (i, j)))
+            .flat_map(|(i, j)| {
+                let [a, b, c, d] = [id(i, j), id(i + 1, j), id(i + 1, j + 1), id(i, j + 1)];
+                [[a, b, c], [a, c, d]]
+            })
+            .collect();
+        TriMesh::new(positions, &faces).unwrap()
+    }
+
+    fn flat(mesh: &TriMesh) -> Vec<f64> {
+        mesh.positions().iter().flat_map(|p| [p.x, p.y, p.z]).collect()
+    }
+
+    /// Largest error of the gradient against central differences over the largest component.
+    fn gradient_error(mesh: &TriMesh, energy: &'static Energy, weights: Weights) -> f64 {
+        let mut evaluator = Evaluator::new(mesh, energy, weights);
+        let mut x = flat(mesh);
+        let mut gradient = vec![0.0; x.len()];
+        assert!(evaluator.evaluate(&x, &mut gradient).total() > 0.0);
+        let largest = gradient.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
+        let (mut error, mut unused) = (0.0_f64, vec![0.0; x.len()]);
+        let h = 2e-6;
+        for i in 0..x.len() {
+            let here = x[i];
+            let mut at = |x_i: f64| {
+                x[i] = x_i;
+                evaluator.evaluate(&x, &mut unused).total()
+            };
+            // Fourth order, so that the truncation error stays below the bar even beside steep barriers.
+            let near = (at(here + h) - at(here - h)) / (2.0 * h);
+            let far = (at(here + 2.0 * h) - at(here - 2.0 * h)) / (4.0 * h);
+            x[i] = here;
+            error = error.max(((4.0 * near - far) / 3.0 - gradient[i]).abs());
+        }
+        error / largest
+    }
+
+    #[test]
+    fn energies_have_the_gradient_of_central_differences() {
+        for energy in ENERGIES {
+            for mesh in [shaken(&ball(), 0.03), shaken(&open_tetrahedron(), 0.05), shaken(&ruled(0.3), 0.02)] {
+                let error = gradient_error(&mesh, energy, Weights::default());
+                assert!(error < 1e-7, "{energy:?}: {error:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn barriers_have_the_gradient_of_central_differences() {
+        let off = Weights::default();
+        let single = [
+            Weights { angle: 1.0, ..off },
+            Weights { fold: 1.0, ..off },
+            Weights { defect: 1.0, ..off },
+            Weights { area: 1.0, ..off },
+        ];
+        let mesh = shaken(&ball(), 0.1);
+        for weights in single {
+            let mut evaluator = Evaluator::new(&mesh, &ENERGIES[0], weights);
+            let parts = evaluator.evaluate(&flat(&mesh), &mut vec![0.0; 3 * mesh.vertex_count()]);
+            assert!(parts.total() > parts.energy, "{weights:?} must act here");
+            let error = gradient_error(&mesh, &ENERGIES[0], weights);
+            assert!(error < 1e-7, "{weights:?}: {error:e}");
+        }
+    }
+
+    #[test]
+    fn energies_vanish_on_developables_meshed_along_their_rulings() {
+        for energy in ENERGIES {
+            for slope in [0.0, 0.3] {
+                let mesh = ruled(slope);
+                let mut evaluator = Evaluator::new(&mesh, energy, Weights::default());
+                let mut gradient = vec![0.0; 3 * mesh.vertex_count()];
+                let parts = evaluator.evaluate(&flat(&mesh), &mut gradient);
+                assert!(parts.energy < 1e-28, "{energy:?} {slope}: {:e}", parts.energy);
+                assert!(gradient.iter().all(|g| g.abs() < 1e-13), "{energy:?} {slope}");
+            }
+        }
+    }
+
+    #[test]
+    fn energies_are_sums_over_the_vertices_that_count() {
+        let mesh = shaken(&open_tetrahedron(), 0.05);
+        for energy in ENERGIES {
+            let mut evaluator = Evaluator::new(&mesh, energy, Weights::default());
+            let parts = evaluator.evaluate(&flat(&mesh), &mut vec![0.0; 3 * mesh.vertex_count()]);
+            let own = evaluator.energies();
+            assert!((own.iter().sum::<f64>() - parts.energy).abs() < 1e-14);
+            for v in mesh.vertices() {
+                let counts = !mesh.is_boundary_vertex(v) && mesh.face_degree(v) > 3;
+                assert_eq!(own[v.index()] > 0.0, counts, "{energy:?} {v}");
+            }
+        }
+    }
+
+    #[test]
+    fn energies_do_not_depend_on_place_or_scale() {
+        let mesh = shaken(&ball(), 0.05);
+        let turn = nalgebra::Rotation3::from_euler_angles(0.3, -1.1, 2.0);
+        let mut moved = mesh.clone();
+        moved
+            .positions_mut()
+            .as_mut_slice()
+            .iter_mut()
+            .for_each(|p| *p = turn * *p * 7.5 + Vec3::new(3.0, -20.0, 11.0));
+        for energy in ENERGIES {
+            let value = |mesh: &TriMesh| {
+                let mut gradient = vec![0.0; 3 * mesh.vertex_count()];
+                let parts = Evaluator::new(mesh, energy, Weights::default()).evaluate(&flat(mesh), &mut gradient);
+                (parts.energy, gradient)
+            };
+            let ((a, g), (b, k)) = (value(&mesh), value(&moved));
+            assert!((a - b).abs() < 1e-12 * a, "{energy:?}");
+            for (g, k) in g.as_chunks::<3>().0.iter().zip(k.as_chunks::<3>().0) {
+                assert!((turn * Vec3::from(*g) / 7.5 - Vec3::from(*k)).norm() < 1e-11, "{energy:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn results_do_not_depend_on_the_number_of_threads() {
+        let mesh = shaken(&subdivide(&subdivide(&ball()).unwrap()).unwrap(), 0.01);
+        let run = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let weights = Weights { angle: 1.0, fold: 1.0, defect: 1.0, area: 1.0 };
+                let mut gradient = vec![0.0; 3 * mesh.vertex_count()];
+                let parts = Evaluator::new(&mesh, &ENERGIES[0], weights).evaluate(&flat(&mesh), &mut gradient);
+                (parts, gradient)
+            })
+        };
+        assert_eq!(run(1), run(2));
+    }
+
+    #[test]
+    fn eigenvectors_stay_right_near_repeated_eigenvalues() {
+        // A regular pyramid over a hexagon has λ1 = λ2; a nearly flat one has both tiny. Slightly uneven ones make the
+        // direction well defined but hard; there the gradient must still be that of the differences.
+        for (height, uneven) in [(0.5, 1e-3), (0.5, 1e-5), (1e-2, 1e-3), (1e-3, 1e-4)] {
+            let mut positions = vec![Vec3::new(0.0, 0.0, height)];
+            positions.extend((0..6).map(|k| {
+                let phi = f64::from(k) * std::f64::consts::FRAC_PI_3;
+                Vec3::new(phi.cos() * (1.0 + uneven), phi.sin(), 0.0)
+            }));
+            let faces: Vec<_> = (0..6).map(|k| [0, 1 + k, 1 + (k + 1) % 6]).collect();
+            let mesh = TriMesh::new(positions, &faces).unwrap();
+            let mut evaluator = Evaluator::new(&mesh, &ENERGIES[0], Weights::default());
+            let mut gradient = vec![0.0; 21];
+            let lambda = evaluator.evaluate(&flat(&mesh), &mut gradient).energy;
+            // Across the long axis: the ruling is ±x, so only the normals' x components count.
+            let exact: f64 =
+                mesh.outgoing(VertexId(0)).map(|h| mesh.corner_angle(h) * mesh.normal(mesh.face(h)).x.powi(2)).sum();
+            assert!((lambda - exact).abs() <= 1e-12 * exact, "{height} {uneven}: {lambda:e} {exact:e}");
+        }
+    }
 }

@@ -155,7 +155,7 @@ impl<'a> Fidelity<'a> {
             it.hint = closest.face;
         });
         let mut changed = moved_out.count() > 0;
-        if self.inward.par_iter().with_min_len(BLOCK).any(&outside) {
+        if self.inward.par_iter().with_min_len(BLOCK).any(outside) {
             for (p, x) in self.mesh.positions_mut().as_mut_slice().iter_mut().zip(x.as_chunks::<3>().0) {
                 *p = Vec3::from(*x);
             }
@@ -205,4 +205,72 @@ fn own_samples(mesh: &TriMesh) -> Vec<(FaceId, [f64; 3])> {
         }
     }
     samples
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A unit square of 8 × 8 cells, lifted by `height`.
+    fn sheet(height: impl Fn(f64, f64) -> f64) -> TriMesh {
+        let n = 8_u32;
+        let at = |i: u32| f64::from(i) / f64::from(n);
+        let positions = (0..=n)
+            .flat_map(|j| (0..=n).map(move |i| (at(i), at(j))))
+            .map(|(x, y)| Vec3::new(x, y, height(x, y)))
+            .collect();
+        let faces: Vec<_> = (0..n * n)
+            .flat_map(|c| {
+                let a = c / n * (n + 1) + c % n;
+                [[a, a + 1, a + n + 2], [a, a + n + 2, a + n + 1]]
+            })
+            .collect();
+        TriMesh::new(positions, &faces).unwrap()
+    }
+
+    fn flat(mesh: &TriMesh) -> Vec<f64> {
+        mesh.positions().iter().flat_map(|p| [p.x, p.y, p.z]).collect()
+    }
+
+    #[test]
+    fn gradient_agrees_with_differences_of_the_true_distance_term() {
+        let (source, mesh) = (sheet(|x, _| 0.2 * (3.0 * x).sin()), sheet(|x, y| 0.3 * x * y + 0.1));
+        let tree = Bvh::new(&source);
+        let points: Vec<Vec3> = source.positions().iter().copied().collect();
+        let mut hold = Fidelity::new(&tree, &points, &mesh, 1.0, 0.02, 3.0);
+        let mut x = flat(&mesh);
+        let mut gradient = vec![0.0; x.len()];
+        let fixed = hold.evaluate(&x, &mut gradient);
+        assert!(fixed > 0.0);
+        let largest = gradient.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
+        let mut unused = vec![0.0; x.len()];
+        for i in 0..x.len() {
+            let (here, h) = (x[i], 1e-5);
+            let mut at = |x_i: f64, queried: bool| {
+                x[i] = x_i;
+                if queried {
+                    hold.refresh(&x);
+                }
+                hold.evaluate(&x, &mut unused)
+            };
+            let held = (at(here + h, false) - at(here - h, false)) / (2.0 * h);
+            assert!((held - gradient[i]).abs() < 1e-7 * largest, "{i}: {held} {}", gradient[i]);
+            // With the closest points queried anew at every step: the gradient is that of the true distance.
+            let queried = (at(here + h, true) - at(here - h, true)) / (2.0 * h);
+            assert!((queried - gradient[i]).abs() < 1e-4 * largest, "{i}: {queried} {}", gradient[i]);
+            at(here, true);
+        }
+    }
+
+    #[test]
+    fn old_closest_points_never_hide_a_violation() {
+        let (source, mesh) = (sheet(|_, _| 0.0), sheet(|x, y| 0.1 * (x - y)));
+        let tree = Bvh::new(&source);
+        let mut hold = Fidelity::new(&tree, &[Vec3::new(0.1, 0.8, 0.0)], &mesh, 1.0, 0.01, 1.0);
+        let moved = flat(&sheet(|x, y| 0.2 * (x + y).sin()));
+        let mut unused = vec![0.0; moved.len()];
+        let old = hold.evaluate(&moved, &mut unused);
+        assert!(hold.refresh(&moved));
+        assert!(hold.evaluate(&moved, &mut unused) <= old);
+    }
 }

@@ -35,7 +35,7 @@ impl Defects {
             .vertices()
             .filter(|v| interior(v) && mesh.face_degree(*v) <= 3)
             .map(|v| mesh.angle_defect(v).abs())
-            .sum();
+            .fold(0.0, |sum, k| sum + k);
         let mut all: Vec<f64> = mesh.vertices().filter(interior).map(|v| mesh.angle_defect(v).abs()).collect();
         all.sort_unstable_by(|a, b| b.total_cmp(a));
         let sum: f64 = all.iter().sum();

@@ -10,6 +10,7 @@ mod evaluate;
 mod fidelity;
 mod flow;
 mod measure;
+pub mod stage;
 
 pub use barrier::Weights;
 pub use evaluate::{Evaluator, Parts};
@@ -64,7 +65,9 @@ pub enum DevelopError {
         error: MeshError,
     },
     /// The energy of the start is not a number.
-    #[error("face {face} of the start is too thin to begin with (smallest angle {angle_deg:.2e}°); coarsen or remesh the input first")]
+    #[error(
+        "face {face} of the start is too thin to begin with (smallest angle {angle_deg:.2e}°); coarsen or remesh the input first"
+    )]
     Degenerate {
         /// The face with the smallest angle.
         face: FaceId,
@@ -150,10 +153,8 @@ impl Job<'_> {
             let share = if self.options.rounds > 1 { round as f64 / (self.options.rounds - 1) as f64 } else { 1.0 };
             let weight = HOLD[0] * (HOLD[1] / HOLD[0]).powf(share);
             set_positions(&mut mesh, &x);
-            hold = self
-                .options
-                .fidelity
-                .then(|| Fidelity::new(self.tree, &points, &mesh, unit, BAND * deviation, weight));
+            hold =
+                self.options.fidelity.then(|| Fidelity::new(self.tree, &points, &mesh, unit, BAND * deviation, weight));
             self.round(&mut evaluator, hold.as_mut(), &mut x, self.options.iterations)?;
         }
         set_positions(&mut mesh, &x);
@@ -208,10 +209,12 @@ impl Job<'_> {
         for attempt in 0..=TRIES {
             set_positions(&mut mesh, &x);
             let (checked, outward, inward) = self.check(&mesh, unit, &mut evaluator, &x)?;
-            eprintln!("enforce {attempt}: E {} folds {} out {} in {}", checked.energy, checked.folds, outward.len(), inward.len());
             let fine = checked.violations == 0 && checked.folds == 0;
             let better = best.as_ref().is_none_or(|best| {
-                (checked.folds, checked.violations).cmp(&(best.folds, best.violations)).then(checked.energy.total_cmp(&best.energy)).is_lt()
+                (checked.folds, checked.violations)
+                    .cmp(&(best.folds, best.violations))
+                    .then(checked.energy.total_cmp(&best.energy))
+                    .is_lt()
             });
             if better {
                 best = Some(checked);
@@ -247,7 +250,8 @@ impl Job<'_> {
         let outward = violations(&full, self.tree, limit, RESOLUTION, self.monitor)?;
         let inward = violations(self.source, &Bvh::new(&full), limit, RESOLUTION, self.monitor)?;
         let energy = evaluator.evaluate(x, &mut vec![0.0; x.len()]).energy;
-        let checked = Checked { energy, folds: folded_edges(&full).len(), violations: outward.len() + inward.len(), mesh: full };
+        let checked =
+            Checked { energy, folds: folded_edges(&full).len(), violations: outward.len() + inward.len(), mesh: full };
         Ok((checked, outward, inward))
     }
 }

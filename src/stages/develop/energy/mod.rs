@@ -46,6 +46,7 @@ impl std::fmt::Debug for Energy {
 pub const ENERGIES: &[Energy] = &[Energy {
     name: "covariance",
     about: "smallest eigenvalue of the angle-weighted covariance of the normals around a vertex (SGC eq. 3)",
+    // Closures, not function names: only those are inlined where the compiler may use wide registers.
     pass: |stars, corners, out, weight| {
         star_pass(
             #[inline(always)]
