@@ -43,10 +43,11 @@ impl std::fmt::Debug for Energy {
 }
 
 /// All energies.
+// Closures, not function names: only those are inlined where the compiler may use wide registers.
+#[allow(clippy::redundant_closure)]
 pub const ENERGIES: &[Energy] = &[Energy {
     name: "covariance",
     about: "smallest eigenvalue of the angle-weighted covariance of the normals around a vertex (SGC eq. 3)",
-    // Closures, not function names: only those are inlined where the compiler may use wide registers.
     pass: |stars, corners, out, weight| {
         star_pass(
             #[inline(always)]
