@@ -1,7 +1,10 @@
 //! Numerics that know no mesh: sparse factorisations, optimisers, and the monitor through which a long
 //! computation reports progress and learns that it should stop.
 
+pub mod lanes;
 mod monitor;
+pub mod optim;
 pub mod sparse;
+pub mod symmetric3;
 
 pub use monitor::{Cancelled, Monitor};

@@ -1,1 +1,5 @@
-//! surface
+//! Algorithms that several stages share.
+
+mod subdivide;
+
+pub use subdivide::subdivide;

@@ -1,0 +1,767 @@
+//! Energy, barriers and their exact gradient over a mesh of fixed connectivity.
+//!
+//! Four passes, each over blocks of fixed size whose results are gathered, never scattered, so that the sums do not depend
+//! on the number of threads: faces → (N, θ, …) per corner; stars → derivatives by N and θ per corner; faces → gradient per
+//! corner; vertices → gradient. No pass allocates.
+//!
+//! Notation: halfedge k of a face runs along e_k from corner k to corner k + 1; s_k = N × e_k; doubled area 2A.
+//!   ∂θ_k = s_k/|e_k|² + s_{k+2}/|e_{k+2}|² by corner k itself, −s_k/|e_k|² by corner k + 1, −s_{k+2}/|e_{k+2}|² by k + 2
+//!   ∂N for a move of corner k = −s_{k+1}/(2A) ⟨N, ·⟩;  ∂ ln A = s_{k+1}/(2A) by corner k
+use super::{
+    barrier::{self, Weights},
+    energy::{Corner, Energy, Pull},
+};
+use crate::{
+    mesh::{Id, TriMesh, VertexId},
+    numeric::lanes::{LANES, Lanes, Lanes3, vectorized},
+};
+use rayon::prelude::*;
+
+/// Face groups per block of the face passes (2048 faces).
+const GROUPS: usize = 256;
+/// Slots per block of the star pass (about 1000 vertices of valence 6), raised where one star does not fit.
+const SLOTS: usize = 8192;
+/// Vertices per block of the gather.
+const VERTICES: usize = 1024;
+
+/// A pass over all stars for one energy; writes pulls and returns through [`Stars::partials`].
+pub(super) type StarPass = fn(&Layout, &[[f64; 4]], &mut StarData, f64);
+
+/// Connectivity, arranged for the passes.
+#[derive(Debug)]
+pub(super) struct Layout {
+    vertices: usize,
+    faces: usize,
+    /// Vertices of the corners of [`LANES`] faces; the last group repeats its last face.
+    corners: Vec<[[u32; LANES]; 3]>,
+    /// First corner of the face across each halfedge; its own face on the boundary.
+    across: Vec<u32>,
+    /// Row of [`StarData::slots`] that holds the pull on each corner; the last, always zero, for boundary vertices.
+    slot_of: Vec<u32>,
+    blocks: Vec<Block>,
+    slots_per_block: usize,
+    /// Corners around each vertex, by [`Layout::first_corner`].
+    corners_of: Vec<u32>,
+    first_corner: Vec<u32>,
+}
+
+/// Stars whose slots lie in one chunk of [`StarData::slots`].
+#[derive(Debug, Default)]
+struct Block {
+    batches: Vec<Batch>,
+    valence: usize,
+}
+
+/// Up to [`LANES`] interior stars of one valence.
+#[derive(Debug)]
+struct Batch {
+    valence: usize,
+    /// Centres; unused lanes repeat the last one.
+    vertices: [u32; LANES],
+    lanes: usize,
+    /// Corner `k` of lane `i`, counter-clockwise, at `k * LANES + i`.
+    corners: Vec<u32>,
+    /// Its first slot within the block: one row of [λ, K, 0, 0], then `valence` rows of pulls.
+    slot: usize,
+}
+
+/// What the star pass writes.
+#[derive(Debug)]
+pub(super) struct StarData {
+    /// Per star [λ, K, 0, 0], per corner [∂/∂N, ∂/∂θ].
+    slots: Vec<[f64; 4]>,
+    /// (energy, defect barrier) of each block.
+    partials: Vec<[f64; 2]>,
+    scratch: Vec<(Vec<Corner>, Vec<Pull>)>,
+}
+
+/// What the first face pass leaves for the second.
+#[derive(Debug, Clone, Default)]
+struct FaceGroup {
+    normal: Lanes3,
+    spin: [Lanes3; 3],
+    /// 1/|e_k|².
+    inverse_length2: [Lanes; 3],
+    /// 1/(2A).
+    inverse_area2: Lanes,
+    /// Derivative of the angle barrier by θ_k.
+    angle_pull: [Lanes; 3],
+    /// Derivative of the area term by ln A.
+    area_pull: Lanes,
+}
+
+/// Values of the parts of the objective, weights included.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Parts {
+    /// Σ λ over interior vertices of valence > 3, unweighted.
+    pub energy: f64,
+    /// Angle barrier.
+    pub angle: f64,
+    /// Fold barrier.
+    pub fold: f64,
+    /// Angle-defect barrier.
+    pub defect: f64,
+    /// Area term.
+    pub area: f64,
+}
+
+impl Parts {
+    /// Sum.
+    pub fn total(&self) -> f64 {
+        self.energy + self.angle + self.fold + self.defect + self.area
+    }
+}
+
+/// Evaluates energy and barriers.
+#[derive(Debug)]
+pub struct Evaluator {
+    layout: Layout,
+    energy: &'static Energy,
+    weights: Weights,
+    /// Reciprocal reference area of each face, per group.
+    inverse_rest_area: Vec<Lanes>,
+    groups: Vec<FaceGroup>,
+    /// [N, θ] per corner.
+    corners: Vec<[f64; 4]>,
+    stars: StarData,
+    /// Gradient per corner.
+    pushes: Vec<[f64; 4]>,
+    /// (angle, area) and (fold) barrier sums of each block of faces.
+    partials: Vec<[f64; 3]>,
+}
+
+impl Layout {
+    /// Arranges the connectivity of `mesh`.
+    pub(super) fn new(mesh: &TriMesh) -> Self {
+        let faces = mesh.face_count();
+        let corners = (0..faces.div_ceil(LANES))
+            .map(|g| {
+                let face = |i: usize| mesh.face_vertices(Id::new((g * LANES + i).min(faces - 1)));
+                std::array::from_fn(|k| std::array::from_fn(|i| face(i)[k].0))
+            })
+            .collect();
+        let across = mesh.halfedges().map(|h| 3 * mesh.face(mesh.twin(h).unwrap_or(h)).0).collect();
+        let mut first_corner = vec![0];
+        let mut corners_of = Vec::with_capacity(mesh.halfedge_count());
+        for v in mesh.vertices() {
+            corners_of.extend(mesh.outgoing(v).map(|h| h.0));
+            first_corner.push(corners_of.len() as u32);
+        }
+        let mut layout = Self {
+            vertices: mesh.vertex_count(),
+            faces,
+            corners,
+            across,
+            slot_of: Vec::new(),
+            blocks: Vec::new(),
+            slots_per_block: 0,
+            corners_of,
+            first_corner,
+        };
+        layout.arrange_stars(mesh);
+        layout
+    }
+
+    /// Sorts interior stars by valence into batches, batches into blocks.
+    fn arrange_stars(&mut self, mesh: &TriMesh) {
+        let mut order: Vec<(usize, VertexId)> =
+            mesh.vertices().filter(|&v| !mesh.is_boundary_vertex(v)).map(|v| (mesh.face_degree(v), v)).collect();
+        order.sort_unstable();
+        let widest = order.last().map_or(0, |it| it.0);
+        self.slots_per_block = SLOTS.max((widest + 1) * LANES);
+        self.slot_of = vec![u32::MAX; mesh.halfedge_count()];
+        let mut used = self.slots_per_block;
+        for stars in order.chunk_by(|a, b| a.0 == b.0).flat_map(|run| run.chunks(LANES)) {
+            let valence = stars[0].0;
+            let needed = (valence + 1) * LANES;
+            if used + needed > self.slots_per_block {
+                self.blocks.push(Block::default());
+                used = 0;
+            }
+            let base = (self.blocks.len() - 1) * self.slots_per_block + used + LANES;
+            let mut corners = vec![0; valence * LANES];
+            for lane in 0..LANES {
+                let v = stars[lane.min(stars.len() - 1)].1;
+                for (k, h) in mesh.outgoing(v).enumerate() {
+                    corners[k * LANES + lane] = h.0;
+                    if lane < stars.len() {
+                        self.slot_of[h.index()] = (base + k * LANES + lane) as u32;
+                    }
+                }
+            }
+            let vertices = std::array::from_fn(|lane| stars[lane.min(stars.len() - 1)].1.0);
+            let block = self.blocks.last_mut().expect("pushed above when none had room");
+            block.batches.push(Batch { valence, vertices, lanes: stars.len(), corners, slot: used });
+            block.valence = block.valence.max(valence);
+            used += needed;
+        }
+        let zero = (self.blocks.len() * self.slots_per_block) as u32;
+        self.slot_of.iter_mut().filter(|slot| **slot == u32::MAX).for_each(|slot| *slot = zero);
+    }
+}
+
+impl Evaluator {
+    /// For meshes of the connectivity of `mesh`. The area term compares with the geometric mean of a face's own area and
+    /// the mean area in `mesh`.
+    pub fn new(mesh: &TriMesh, energy: &'static Energy, weights: Weights) -> Self {
+        let layout = Layout::new(mesh);
+        let mean = mesh.total_area() / mesh.face_count() as f64;
+        let groups = layout.corners.len();
+        let inverse_rest_area = (0..groups)
+            .map(|g| {
+                Lanes::from_fn(|i| {
+                    let area = mesh.area(Id::new((g * LANES + i).min(layout.faces - 1)));
+                    1.0 / (area * mean).sqrt()
+                })
+            })
+            .collect();
+        let scratch =
+            layout.blocks.iter().map(|it| (vec![Corner::default(); it.valence], vec![Pull::default(); it.valence]));
+        let stars = StarData {
+            slots: vec![[0.0; 4]; layout.blocks.len() * layout.slots_per_block + 1],
+            partials: vec![[0.0; 2]; layout.blocks.len()],
+            scratch: scratch.collect(),
+        };
+        Self {
+            energy,
+            weights,
+            inverse_rest_area,
+            groups: vec![FaceGroup::default(); groups],
+            corners: vec![[0.0; 4]; groups * LANES * 3],
+            stars,
+            pushes: vec![[0.0; 4]; groups * LANES * 3],
+            partials: vec![[0.0; 3]; groups.div_ceil(GROUPS)],
+            layout,
+        }
+    }
+
+    /// Values at positions `x` (three per vertex); `gradient` is overwritten. A degenerate face gives NaN.
+    pub fn evaluate(&mut self, x: &[f64], gradient: &mut [f64]) -> Parts {
+        assert_eq!(x.len(), 3 * self.layout.vertices);
+        assert_eq!(gradient.len(), x.len());
+        self.face_pass(x);
+        (self.energy.pass)(&self.layout, &self.corners, &mut self.stars, self.weights.defect);
+        self.push_pass();
+        self.gather_pass(gradient);
+        let mut parts = Parts::default();
+        for [energy, defect] in &self.stars.partials {
+            parts.energy += energy;
+            parts.defect += defect;
+        }
+        for [angle, area, fold] in &self.partials {
+            parts.angle += angle;
+            parts.area += area;
+            parts.fold += fold;
+        }
+        parts
+    }
+
+    /// Number of faces.
+    pub(super) fn face_count(&self) -> usize {
+        self.layout.faces
+    }
+
+    /// λ per vertex at the positions of the latest evaluation; 0 where the energy has no term.
+    pub fn energies(&self) -> Vec<f64> {
+        self.rows(0)
+    }
+
+    /// Value `column` of the first row of each star.
+    fn rows(&self, column: usize) -> Vec<f64> {
+        let mut out = vec![0.0; self.layout.vertices];
+        for (b, block) in self.layout.blocks.iter().enumerate() {
+            for batch in &block.batches {
+                for lane in 0..batch.lanes {
+                    let slot = b * self.layout.slots_per_block + batch.slot + lane;
+                    out[batch.vertices[lane] as usize] = self.stars.slots[slot][column];
+                }
+            }
+        }
+        out
+    }
+
+    fn face_pass(&mut self, x: &[f64]) {
+        let (layout, weights, rest) = (&self.layout, self.weights, &self.inverse_rest_area);
+        self.groups
+            .par_chunks_mut(GROUPS)
+            .zip(self.corners.par_chunks_mut(GROUPS * LANES * 3))
+            .zip(&mut self.partials)
+            .enumerate()
+            .for_each(|(b, ((groups, corners), partial))| {
+                vectorized(
+                    #[inline(always)]
+                    || {
+                        *partial = [0.0; 3];
+                        for (i, group) in groups.iter_mut().enumerate() {
+                            let g = b * GROUPS + i;
+                            let active = (layout.faces - g * LANES).min(LANES);
+                            let out = &mut corners[i * LANES * 3..][..LANES * 3];
+                            let [angle, area] = face_group(x, &layout.corners[g], rest[g], &weights, group, out);
+                            partial[0] += angle.0[..active].iter().sum::<f64>();
+                            partial[1] += area.0[..active].iter().sum::<f64>();
+                        }
+                    },
+                );
+            });
+    }
+
+    fn push_pass(&mut self) {
+        let (layout, corners, slots, weight) = (&self.layout, &self.corners, &self.stars.slots, self.weights.fold);
+        self.groups
+            .par_chunks(GROUPS)
+            .zip(self.pushes.par_chunks_mut(GROUPS * LANES * 3))
+            .zip(&mut self.partials)
+            .enumerate()
+            .for_each(|(b, ((groups, pushes), partial))| {
+                vectorized(
+                    #[inline(always)]
+                    || {
+                        for (i, group) in groups.iter().enumerate() {
+                            let first = (b * GROUPS + i) * LANES;
+                            let active = (layout.faces - first).min(LANES);
+                            let mut pull: [[[f64; 4]; 3]; LANES] = [[[0.0; 4]; 3]; LANES];
+                            for (lane, pull) in pull.iter_mut().enumerate().take(active) {
+                                for (k, pull) in pull.iter_mut().enumerate() {
+                                    *pull = slots[layout.slot_of[3 * (first + lane) + k] as usize];
+                                }
+                            }
+                            let out = &mut pushes[i * LANES * 3..][..LANES * 3];
+                            let mut normal_pull = Lanes3::default();
+                            let mut angle_pull = group.angle_pull;
+                            for (i, [p, q, r]) in pull.iter().enumerate() {
+                                for c in 0..3 {
+                                    normal_pull.0[c].0[i] = p[c] + q[c] + r[c];
+                                }
+                                angle_pull[0].0[i] += p[3];
+                                angle_pull[1].0[i] += q[3];
+                                angle_pull[2].0[i] += r[3];
+                            }
+                            if weight > 0.0 {
+                                partial[2] +=
+                                    fold_pull(layout, corners, first, active, group.normal, weight, &mut normal_pull);
+                            }
+                            push_group(group, normal_pull, angle_pull, out);
+                        }
+                    },
+                );
+            });
+    }
+
+    fn gather_pass(&self, gradient: &mut [f64]) {
+        let (layout, pushes) = (&self.layout, &self.pushes);
+        gradient.par_chunks_mut(3 * VERTICES).enumerate().for_each(|(b, out)| {
+            vectorized(
+                #[inline(always)]
+                || {
+                    for (i, out) in out.chunks_exact_mut(3).enumerate() {
+                        let v = b * VERTICES + i;
+                        let (from, to) = (layout.first_corner[v] as usize, layout.first_corner[v + 1] as usize);
+                        let mut sum = [0.0; 4];
+                        for &corner in &layout.corners_of[from..to] {
+                            let push = &pushes[corner as usize];
+                            for c in 0..4 {
+                                sum[c] += push[c];
+                            }
+                        }
+                        out.copy_from_slice(&sum[..3]);
+                    }
+                },
+            );
+        });
+    }
+}
+
+/// One position per lane.
+#[inline(always)]
+fn positions(x: &[f64], vertices: &[u32; LANES]) -> Lanes3 {
+    Lanes3::from_fn(
+        #[inline(always)]
+        |i| {
+            let at = 3 * vertices[i] as usize;
+            [x[at], x[at + 1], x[at + 2]]
+        },
+    )
+}
+
+/// Geometry and barriers of one group of faces; returns the values of the angle and area terms.
+#[inline(always)]
+fn face_group(
+    x: &[f64],
+    vertices: &[[u32; LANES]; 3],
+    inverse_rest_area: Lanes,
+    weights: &Weights,
+    group: &mut FaceGroup,
+    corners: &mut [[f64; 4]],
+) -> [Lanes; 2] {
+    let one = Lanes::splat(1.0);
+    let [p0, p1, p2] = [positions(x, &vertices[0]), positions(x, &vertices[1]), positions(x, &vertices[2])];
+    let edges = [p1 - p0, p2 - p1, p0 - p2];
+    let area_vector = edges[0].cross(edges[1]);
+    let area2 = area_vector.dot(area_vector).sqrt();
+    let inverse_area2 = one / area2;
+    let normal = area_vector.scale(inverse_area2);
+    group.normal = normal;
+    group.inverse_area2 = inverse_area2;
+    for k in 0..3 {
+        group.spin[k] = normal.cross(edges[k]);
+        group.inverse_length2[k] = one / edges[k].dot(edges[k]);
+    }
+    let first = Lanes::atan2_upper(area2, -edges[0].dot(edges[2]));
+    let second = Lanes::atan2_upper(area2, -edges[1].dot(edges[0]));
+    let angles = [first, second, Lanes::splat(std::f64::consts::PI) - first - second];
+    for i in 0..LANES {
+        let [nx, ny, nz] = normal.lane(i);
+        for k in 0..3 {
+            corners[3 * i + k] = [nx, ny, nz, angles[k].0[i]];
+        }
+    }
+    let mut values = [Lanes::default(); 2];
+    if weights.angle > 0.0 {
+        let weight = Lanes::splat(weights.angle);
+        for k in 0..3 {
+            let (value, slope) = barrier::ANGLE.at_lanes(angles[k]);
+            values[0] += weight * value;
+            group.angle_pull[k] = weight * slope;
+        }
+    }
+    if weights.area > 0.0 {
+        let weight = Lanes::splat(weights.area);
+        let ratio = Lanes::splat(0.5) * area2 * inverse_rest_area;
+        let inverse = one / ratio;
+        values[1] = weight * (ratio + inverse - Lanes::splat(2.0));
+        group.area_pull = weight * (ratio - inverse);
+    }
+    values
+}
+
+/// Adds the fold barrier of the three edges of each face to the pull on its normal; returns half its value, because each
+/// edge is met from both sides.
+#[inline(always)]
+fn fold_pull(
+    layout: &Layout,
+    corners: &[[f64; 4]],
+    first: usize,
+    active: usize,
+    normal: Lanes3,
+    weight: f64,
+    pull: &mut Lanes3,
+) -> f64 {
+    let mut sum = 0.0;
+    for k in 0..3 {
+        let other = Lanes3::from_fn(
+            #[inline(always)]
+            |i| {
+                let face = (first + i).min(layout.faces - 1);
+                let [x, y, z, _] = corners[layout.across[3 * face + k] as usize];
+                [x, y, z]
+            },
+        );
+        let cosine = normal.dot(other);
+        if !cosine.any_lt(Lanes::splat(barrier::FOLD.start())) {
+            continue;
+        }
+        let (value, slope) = barrier::FOLD.at_lanes(cosine);
+        *pull += other.scale(Lanes::splat(weight) * slope);
+        sum += 0.5 * weight * value.0[..active].iter().sum::<f64>();
+    }
+    sum
+}
+
+/// Gradient of each corner from the pulls on normal, angles and area of its face.
+#[inline(always)]
+fn push_group(group: &FaceGroup, normal_pull: Lanes3, angle_pull: [Lanes; 3], out: &mut [[f64; 4]]) {
+    // ∂E/∂θ_k − ∂E/∂θ_{k+1} turns along halfedge k.
+    let mut turns = [Lanes3::default(); 3];
+    for k in 0..3 {
+        turns[k] = group.spin[k].scale((angle_pull[k] - angle_pull[(k + 1) % 3]) * group.inverse_length2[k]);
+    }
+    for k in 0..3 {
+        let opposite = group.spin[(k + 1) % 3].scale(group.inverse_area2);
+        let tilt = group.normal.scale(normal_pull.dot(opposite));
+        let push = turns[k] - turns[(k + 2) % 3] + opposite.scale(group.area_pull) - tilt;
+        for i in 0..LANES {
+            let [x, y, z] = push.lane(i);
+            out[3 * i + k] = [x, y, z, 0.0];
+        }
+    }
+}
+
+/// Applies `star` to every batch and adds the defect barrier.
+pub(super) fn star_pass(
+    star: impl Fn(&[Corner], &mut [Pull]) -> Lanes + Sync,
+    layout: &Layout,
+    corners: &[[f64; 4]],
+    out: &mut StarData,
+    defect_weight: f64,
+) {
+    layout
+        .blocks
+        .par_iter()
+        .zip(out.slots.par_chunks_mut(layout.slots_per_block.max(1)))
+        .zip(&mut out.partials)
+        .zip(&mut out.scratch)
+        .for_each(|(((block, slots), partial), (gathered, pulls))| {
+            vectorized(
+                #[inline(always)]
+                || {
+                    *partial = [0.0; 2];
+                    for batch in &block.batches {
+                        let n = batch.valence;
+                        let (gathered, pulls) = (&mut gathered[..n], &mut pulls[..n]);
+                        let mut defect = Lanes::splat(std::f64::consts::TAU);
+                        for (k, corner) in gathered.iter_mut().enumerate() {
+                            for (i, &at) in batch.corners[k * LANES..][..LANES].iter().enumerate() {
+                                let [x, y, z, angle] = corners[at as usize];
+                                corner.normal.0[0].0[i] = x;
+                                corner.normal.0[1].0[i] = y;
+                                corner.normal.0[2].0[i] = z;
+                                corner.angle.0[i] = angle;
+                            }
+                            defect = defect - corner.angle;
+                        }
+                        // Valence 3 is left free (SGC section 4.1.4, triple points): it could only be flat.
+                        let lambda = if n > 3 {
+                            star(gathered, pulls)
+                        } else {
+                            pulls.fill(Pull::default());
+                            Lanes::default()
+                        };
+                        partial[0] += lambda.0[..batch.lanes].iter().sum::<f64>();
+                        let mut turn = Lanes::default();
+                        if defect_weight > 0.0 {
+                            let (value, slope) = defect_barrier(defect, defect_weight);
+                            turn = slope;
+                            partial[1] += value.0[..batch.lanes].iter().sum::<f64>();
+                        }
+                        let rows = &mut slots[batch.slot..][..(n + 1) * LANES];
+                        for i in 0..LANES {
+                            rows[i] = [lambda.0[i], defect.0[i], 0.0, 0.0];
+                        }
+                        for (k, pull) in pulls.iter().enumerate() {
+                            let angle = pull.angle - turn;
+                            for i in 0..LANES {
+                                let [x, y, z] = pull.normal.lane(i);
+                                rows[(k + 1) * LANES + i] = [x, y, z, angle.0[i]];
+                            }
+                        }
+                    }
+                },
+            );
+        });
+}
+
+/// weight · (|K| − 1.2)₊² and its derivative by K.
+#[inline(always)]
+fn defect_barrier(defect: Lanes, weight: f64) -> (Lanes, Lanes) {
+    let zero = Lanes::default();
+    let excess = defect.abs() - Lanes::splat(barrier::DEFECT);
+    let excess = zero.lt_select(excess, excess, zero);
+    let signed = defect.lt_select(zero, -excess, excess);
+    (Lanes::splat(weight) * excess * excess, Lanes::splat(2.0 * weight) * signed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{geom::Vec3, stages::develop::energy::ENERGIES, surface::subdivide};
+
+    /// Displaces every vertex by up to `noise` in a way that only looks random.
+    fn shaken(mesh: &TriMesh, noise: f64) -> TriMesh {
+        let mut mesh = mesh.clone();
+        for (i, p) in mesh.positions_mut().as_mut_slice().iter_mut().enumerate() {
+            let wave = |k: f64| (k * (i as f64 + 1.0)).sin();
+            *p += noise * Vec3::new(wave(12.9898), wave(78.233), wave(37.719));
+        }
+        mesh
+    }
+
+    /// Closed, 258 vertices, six of valence 4.
+    fn ball() -> TriMesh {
+        let p =
+            [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]];
+        let faces = [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
+        let mut mesh = TriMesh::new(p.map(Vec3::from).to_vec(), &faces).unwrap();
+        for _ in 0..3 {
+            mesh = subdivide(&mesh).unwrap();
+            mesh.positions_mut().as_mut_slice().iter_mut().for_each(|p| *p = p.normalize());
+        }
+        mesh
+    }
+
+    /// With corners of valence 3 and a boundary: a tetrahedron without one of its sixteen faces.
+    fn open_tetrahedron() -> TriMesh {
+        let p = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]].map(Vec3::from).to_vec();
+        let fine = subdivide(&TriMesh::new(p, &[[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]).unwrap()).unwrap();
+        TriMesh::new(fine.positions().as_slice().to_vec(), &fine.face_indices()[1..]).unwrap()
+    }
+
+    /// `radius` · (cos φ, sin φ) and z, meshed along the rulings of a cylinder (or a cone for a nonzero slope).
+    fn ruled(slope: f64) -> TriMesh {
+        let (around, along) = (12, 5);
+        let mut positions = Vec::new();
+        for j in 0..along {
+            for i in 0..around {
+                let phi = f64::from(i) / f64::from(around) * 4.0;
+                let z = f64::from(j) * 0.4;
+                let r = 1.0 + slope * z;
+                positions.push(Vec3::new(r * phi.cos(), r * phi.sin(), z));
+            }
+        }
+        let id = |i: i32, j: i32| (j * around + i) as u32;
+        let faces: Vec<_> = (0..along - 1)
+            .flat_map(|j| (0..around - 1).map(move |i| (i, j)))
+            .flat_map(|(i, j)| {
+                let [a, b, c, d] = [id(i, j), id(i + 1, j), id(i + 1, j + 1), id(i, j + 1)];
+                [[a, b, c], [a, c, d]]
+            })
+            .collect();
+        TriMesh::new(positions, &faces).unwrap()
+    }
+
+    fn flat(mesh: &TriMesh) -> Vec<f64> {
+        mesh.positions().iter().flat_map(|p| [p.x, p.y, p.z]).collect()
+    }
+
+    /// Largest error of the gradient against central differences over the largest component.
+    fn gradient_error(mesh: &TriMesh, energy: &'static Energy, weights: Weights) -> f64 {
+        let mut evaluator = Evaluator::new(mesh, energy, weights);
+        let mut x = flat(mesh);
+        let mut gradient = vec![0.0; x.len()];
+        assert!(evaluator.evaluate(&x, &mut gradient).total() > 0.0);
+        let largest = gradient.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
+        let (mut error, mut unused) = (0.0_f64, vec![0.0; x.len()]);
+        let h = 2e-6;
+        for i in 0..x.len() {
+            let here = x[i];
+            let mut at = |x_i: f64| {
+                x[i] = x_i;
+                evaluator.evaluate(&x, &mut unused).total()
+            };
+            // Fourth order, so that the truncation error stays below the bar even beside steep barriers.
+            let near = (at(here + h) - at(here - h)) / (2.0 * h);
+            let far = (at(here + 2.0 * h) - at(here - 2.0 * h)) / (4.0 * h);
+            x[i] = here;
+            error = error.max(((4.0 * near - far) / 3.0 - gradient[i]).abs());
+        }
+        error / largest
+    }
+
+    #[test]
+    fn energies_have_the_gradient_of_central_differences() {
+        for energy in ENERGIES {
+            for mesh in [shaken(&ball(), 0.03), shaken(&open_tetrahedron(), 0.05), shaken(&ruled(0.3), 0.02)] {
+                let error = gradient_error(&mesh, energy, Weights::default());
+                assert!(error < 1e-7, "{energy:?}: {error:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn barriers_have_the_gradient_of_central_differences() {
+        let off = Weights::default();
+        let single = [
+            Weights { angle: 1.0, ..off },
+            Weights { fold: 1.0, ..off },
+            Weights { defect: 1.0, ..off },
+            Weights { area: 1.0, ..off },
+        ];
+        let mesh = shaken(&ball(), 0.1);
+        for weights in single {
+            let mut evaluator = Evaluator::new(&mesh, &ENERGIES[0], weights);
+            let parts = evaluator.evaluate(&flat(&mesh), &mut vec![0.0; 3 * mesh.vertex_count()]);
+            assert!(parts.total() > parts.energy, "{weights:?} must act here");
+            let error = gradient_error(&mesh, &ENERGIES[0], weights);
+            assert!(error < 1e-7, "{weights:?}: {error:e}");
+        }
+    }
+
+    #[test]
+    fn energies_vanish_on_developables_meshed_along_their_rulings() {
+        for energy in ENERGIES {
+            for slope in [0.0, 0.3] {
+                let mesh = ruled(slope);
+                let mut evaluator = Evaluator::new(&mesh, energy, Weights::default());
+                let mut gradient = vec![0.0; 3 * mesh.vertex_count()];
+                let parts = evaluator.evaluate(&flat(&mesh), &mut gradient);
+                assert!(parts.energy < 1e-28, "{energy:?} {slope}: {:e}", parts.energy);
+                assert!(gradient.iter().all(|g| g.abs() < 1e-13), "{energy:?} {slope}");
+            }
+        }
+    }
+
+    #[test]
+    fn energies_are_sums_over_the_vertices_that_count() {
+        let mesh = shaken(&open_tetrahedron(), 0.05);
+        for energy in ENERGIES {
+            let mut evaluator = Evaluator::new(&mesh, energy, Weights::default());
+            let parts = evaluator.evaluate(&flat(&mesh), &mut vec![0.0; 3 * mesh.vertex_count()]);
+            let own = evaluator.energies();
+            assert!((own.iter().sum::<f64>() - parts.energy).abs() < 1e-14);
+            for v in mesh.vertices() {
+                let counts = !mesh.is_boundary_vertex(v) && mesh.face_degree(v) > 3;
+                assert_eq!(own[v.index()] > 0.0, counts, "{energy:?} {v}");
+            }
+        }
+    }
+
+    #[test]
+    fn energies_do_not_depend_on_place_or_scale() {
+        let mesh = shaken(&ball(), 0.05);
+        let turn = nalgebra::Rotation3::from_euler_angles(0.3, -1.1, 2.0);
+        let mut moved = mesh.clone();
+        moved
+            .positions_mut()
+            .as_mut_slice()
+            .iter_mut()
+            .for_each(|p| *p = turn * *p * 7.5 + Vec3::new(3.0, -20.0, 11.0));
+        for energy in ENERGIES {
+            let value = |mesh: &TriMesh| {
+                let mut gradient = vec![0.0; 3 * mesh.vertex_count()];
+                let parts = Evaluator::new(mesh, energy, Weights::default()).evaluate(&flat(mesh), &mut gradient);
+                (parts.energy, gradient)
+            };
+            let ((a, g), (b, k)) = (value(&mesh), value(&moved));
+            assert!((a - b).abs() < 1e-12 * a, "{energy:?}");
+            for (g, k) in g.as_chunks::<3>().0.iter().zip(k.as_chunks::<3>().0) {
+                assert!((turn * Vec3::from(*g) / 7.5 - Vec3::from(*k)).norm() < 1e-11, "{energy:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn results_do_not_depend_on_the_number_of_threads() {
+        let mesh = shaken(&subdivide(&subdivide(&ball()).unwrap()).unwrap(), 0.01);
+        let run = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let weights = Weights { angle: 1.0, fold: 1.0, defect: 1.0, area: 1.0 };
+                let mut gradient = vec![0.0; 3 * mesh.vertex_count()];
+                let parts = Evaluator::new(&mesh, &ENERGIES[0], weights).evaluate(&flat(&mesh), &mut gradient);
+                (parts, gradient)
+            })
+        };
+        assert_eq!(run(1), run(2));
+    }
+
+    #[test]
+    fn eigenvectors_stay_right_near_repeated_eigenvalues() {
+        // A regular pyramid over a hexagon has λ1 = λ2; a nearly flat one has both tiny. Slightly uneven ones make the
+        // direction well defined but hard; there the gradient must still be that of the differences.
+        for (height, uneven) in [(0.5, 1e-3), (0.5, 1e-5), (1e-2, 1e-3), (1e-3, 1e-4)] {
+            let mut positions = vec![Vec3::new(0.0, 0.0, height)];
+            positions.extend((0..6).map(|k| {
+                let phi = f64::from(k) * std::f64::consts::FRAC_PI_3;
+                Vec3::new(phi.cos() * (1.0 + uneven), phi.sin(), 0.0)
+            }));
+            let faces: Vec<_> = (0..6).map(|k| [0, 1 + k, 1 + (k + 1) % 6]).collect();
+            let mesh = TriMesh::new(positions, &faces).unwrap();
+            let mut evaluator = Evaluator::new(&mesh, &ENERGIES[0], Weights::default());
+            let mut gradient = vec![0.0; 21];
+            let lambda = evaluator.evaluate(&flat(&mesh), &mut gradient).energy;
+            // Across the long axis: the ruling is ±x, so only the normals' x components count.
+            let exact: f64 =
+                mesh.outgoing(VertexId(0)).map(|h| mesh.corner_angle(h) * mesh.normal(mesh.face(h)).x.powi(2)).sum();
+            assert!((lambda - exact).abs() <= 1e-12 * exact, "{height} {uneven}: {lambda:e} {exact:e}");
+        }
+    }
+}

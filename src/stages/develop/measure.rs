@@ -1,0 +1,50 @@
+//! What makes a mesh buildable or not, in numbers.
+use crate::mesh::{EdgeId, TriMesh, VertexId};
+
+/// Cosine between neighbouring normals below which an edge counts as folded.
+const FOLDED: f64 = -0.5;
+
+/// Edges whose two faces turn by more than 120°.
+pub fn folded_edges(mesh: &TriMesh) -> Vec<EdgeId> {
+    mesh.edges().filter(|&e| mesh.dihedral_cosine(e).is_some_and(|cosine| cosine < FOLDED)).collect()
+}
+
+/// Smallest corner angle, radians.
+pub fn smallest_angle(mesh: &TriMesh) -> f64 {
+    mesh.halfedges().map(|h| mesh.corner_angle(h)).fold(f64::INFINITY, f64::min)
+}
+
+/// Angle defects of the interior vertices.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Defects {
+    /// Σ|K| over interior vertices of valence 3, which the energy leaves free.
+    pub skipped: f64,
+    /// Median of |K|.
+    pub median: f64,
+    /// Largest |K|.
+    pub max: f64,
+    /// Share of Σ|K| that the top 5 % of the vertices hold.
+    pub top5_share: f64,
+}
+
+impl Defects {
+    /// Measures them; all zero when there is no interior vertex.
+    pub fn of(mesh: &TriMesh) -> Self {
+        let interior = |v: &VertexId| !mesh.is_boundary_vertex(*v);
+        let skipped = mesh
+            .vertices()
+            .filter(|v| interior(v) && mesh.face_degree(*v) <= 3)
+            .map(|v| mesh.angle_defect(v).abs())
+            .fold(0.0, |sum, k| sum + k);
+        let mut all: Vec<f64> = mesh.vertices().filter(interior).map(|v| mesh.angle_defect(v).abs()).collect();
+        all.sort_unstable_by(|a, b| b.total_cmp(a));
+        let sum: f64 = all.iter().sum();
+        let top: f64 = all[..all.len().div_ceil(20)].iter().sum();
+        Self {
+            skipped,
+            median: all.get(all.len() / 2).copied().unwrap_or(0.0),
+            max: all.first().copied().unwrap_or(0.0),
+            top5_share: if sum > 0.0 { top / sum } else { 0.0 },
+        }
+    }
+}

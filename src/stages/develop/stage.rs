@@ -1,0 +1,251 @@
+//! The `[develop]` table and the adapter to the kernel.
+use std::fmt;
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
+use serde_json::json;
+
+use super::{Defects, DevelopError, Options, develop, energy, folded_edges, smallest_angle};
+use crate::{
+    mesh::{
+        Bvh, TriMesh,
+        distance::{SurfaceDistance, two_sided_bounds, violations},
+    },
+    model::{DevelopableMesh, Round, SourceMesh},
+    numeric::Monitor,
+    profile::{Extent, Profiles},
+    stage::{Check, Cx, KeyError, Section, Stage},
+};
+
+/// Vertices whose energy exceeds this count as lying on a seam in `seam_vertex_share`.
+const SEAM_ENERGY: f64 = 1e-3;
+/// Share by which the proven distance may exceed the true one.
+const RESOLUTION: f64 = 0.01;
+
+/// The `[develop]` table.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Develop {
+    /// Name of the developability energy.
+    pub energy: String,
+    /// Largest distance between the result and the input, either way: a length, or percent of the input's diagonal.
+    pub max_deviation: Extent,
+    /// Whether to hold the flow to that distance; without, the distance is only measured.
+    pub fidelity: bool,
+    /// Number of 4–1 subdivisions, or "auto".
+    pub levels: Levels,
+    /// Rounds per level, each with a stronger hold on the input.
+    pub rounds: usize,
+    /// Most iterations per round.
+    pub iterations: usize,
+}
+
+impl Default for Develop {
+    fn default() -> Self {
+        Self {
+            energy: "covariance".into(),
+            max_deviation: Extent::Percent(1.0),
+            fidelity: true,
+            levels: Levels::Auto,
+            rounds: 3,
+            iterations: 300,
+        }
+    }
+}
+
+/// How often to subdivide.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Levels {
+    /// Until there are enough vertices.
+    Auto,
+    /// So many times.
+    Count(usize),
+}
+
+struct LevelsVisitor;
+
+impl de::Visitor<'_> for LevelsVisitor {
+    type Value = Levels;
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a number of subdivisions, or \"auto\"")
+    }
+    fn visit_u64<E: de::Error>(self, count: u64) -> Result<Levels, E> {
+        Ok(Levels::Count(usize::try_from(count).unwrap_or(usize::MAX)))
+    }
+    fn visit_i64<E: de::Error>(self, count: i64) -> Result<Levels, E> {
+        u64::try_from(count)
+            .map_err(|_| E::invalid_value(de::Unexpected::Signed(count), &self))
+            .and_then(|count| self.visit_u64(count))
+    }
+    fn visit_str<E: de::Error>(self, text: &str) -> Result<Levels, E> {
+        match text {
+            "auto" => Ok(Levels::Auto),
+            _ => Err(E::invalid_value(de::Unexpected::Str(text), &self)),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Levels {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(LevelsVisitor)
+    }
+}
+
+impl Serialize for Levels {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Auto => serializer.serialize_str("auto"),
+            Self::Count(count) => serializer.serialize_u64(*count as u64),
+        }
+    }
+}
+
+impl Stage for Develop {
+    const NAME: &'static str = "develop";
+    const VERSION: u32 = 1;
+    type Input = (SourceMesh, TriMesh);
+    type Output = DevelopableMesh;
+    type Profile = ();
+    type Error = DevelopError;
+
+    fn profile(_: &Profiles) {}
+
+    fn check(&self) -> Result<(), KeyError> {
+        if energy::Energy::named(&self.energy).is_none() {
+            let names: Vec<_> = energy::ENERGIES.iter().map(|it| it.name).collect();
+            let message = format!("must be one of {}, not \"{}\"", names.join(", "), self.energy);
+            return Err(KeyError { key: "energy", message });
+        }
+        match self.max_deviation {
+            Extent::Percent(percent) => KeyError::range("max_deviation", percent, 1e-3, 100.0)?,
+            Extent::Length(length) => KeyError::range("max_deviation", length.mm, 1e-6, 1e6)?,
+        }
+        if let Levels::Count(count) = self.levels {
+            KeyError::range("levels", count as f64, 0.0, 8.0)?;
+        }
+        KeyError::range("rounds", self.rounds as f64, 1.0, 100.0)?;
+        KeyError::range("iterations", self.iterations as f64, 0.0, 1e6)
+    }
+
+    fn run(&self, (source, start): (&SourceMesh, &TriMesh), _: &(), cx: &Cx) -> Result<DevelopableMesh, DevelopError> {
+        let options = Options {
+            energy: energy::Energy::named(&self.energy).expect("`check` refused unknown names"),
+            max_deviation: self.max_deviation.resolve(source.mesh.bounds().diagonal()),
+            fidelity: self.fidelity,
+            levels: match self.levels {
+                Levels::Auto => None,
+                Levels::Count(count) => Some(count),
+            },
+            rounds: self.rounds,
+            iterations: self.iterations,
+        };
+        develop(&source.mesh, start, &options, &cx.monitor)
+    }
+
+    fn section(&self, (source, _): (&SourceMesh, &TriMesh), _: &(), output: &DevelopableMesh) -> Section {
+        let (mesh, limit) = (&output.mesh, output.max_deviation);
+        let percent = 100.0 / source.mesh.bounds().diagonal();
+        let bounds = two_sided_bounds(&source.mesh, mesh, RESOLUTION, &Monitor::silent())
+            .expect("a silent monitor never cancels");
+        let sampled = SurfaceDistance::between(&source.mesh, mesh);
+        let (defects, folds) = (Defects::of(mesh), folded_edges(mesh));
+        let seam = output.energy.iter().filter(|&&energy| energy > SEAM_ENERGY).count();
+        let table = json!({
+            "max_deviation_pct": limit * percent,
+            "hausdorff_bound_pct": bounds.upper * percent,
+            "rounds": output.rounds.iter().map(round).collect::<Vec<_>>(),
+            "covariance_energy": output.energy.iter().sum::<f64>(),
+            "folds": folds.len(),
+            "min_angle_deg": smallest_angle(mesh).to_degrees(),
+            "hausdorff_pct": sampled.hausdorff * percent,
+            "mean_pct": sampled.mean * percent,
+            "seam_vertex_share": seam as f64 / mesh.vertex_count() as f64,
+            "skipped_abs_defect": defects.skipped,
+            "median_abs_defect": defects.median,
+            "max_abs_defect": defects.max,
+            "top5_defect_share": defects.top5_share,
+        });
+        let fold_note = match folds.first() {
+            None => "no edge turns by more than 120°".to_owned(),
+            Some(&edge) => {
+                let [a, b] = mesh.edge_vertices(edge).map(|v| mesh.position(v));
+                let place = (a + b) / 2.0;
+                format!(
+                    "edges folded over, the first (edge {edge}) at ({:.3}, {:.3}, {:.3}) mm; coarsen more, or remesh the input there",
+                    place.x, place.y, place.z
+                )
+            }
+        };
+        Section::new("develop", table)
+            .check(Check::at_most("develop.deviation", bounds.upper, limit, "mm", deviation_note(source, mesh, limit)))
+            .check(Check::at_most("develop.folds", folds.len() as f64, 0.0, "edges", fold_note))
+    }
+}
+
+fn round(it: &Round) -> serde_json::Value {
+    json!({
+        "energy": it.energy,
+        "vertices": it.vertices,
+        "faces": it.faces,
+        "energy_start": it.energy_start,
+        "energy_end": it.energy_end,
+        "gradient_norm": it.gradient_norm,
+        "iterations": it.iterations,
+        "evaluations": it.evaluations,
+        "seconds": it.seconds,
+        "stopped": it.stopped,
+    })
+}
+
+/// Where the surfaces are farther apart than promised.
+fn deviation_note(source: &SourceMesh, mesh: &TriMesh, limit: f64) -> String {
+    let find = |from: &TriMesh, to: &TriMesh| {
+        violations(from, &Bvh::new(to), limit, RESOLUTION, &Monitor::silent()).expect("a silent monitor never cancels")
+    };
+    let found = find(mesh, &source.mesh)
+        .into_iter()
+        .map(|it| (it, "result"))
+        .chain(find(&source.mesh, mesh).into_iter().map(|it| (it, "input")));
+    match found.max_by(|a, b| a.0.distance.total_cmp(&b.0.distance)) {
+        None => "proven for every point of both surfaces, not sampled".into(),
+        Some((worst, side)) => format!(
+            "worst at ({:.3}, {:.3}, {:.3}) mm, face {} of the {side}; allow more, or start from a finer mesh (coarsen.faces, develop.levels)",
+            worst.point.x, worst.point.y, worst.point.z, worst.face
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table(text: &str) -> Result<Develop, String> {
+        let stage: Develop = toml::from_str(text).map_err(|it| it.to_string())?;
+        stage.check().map_err(|it| it.to_string())?;
+        Ok(stage)
+    }
+
+    #[test]
+    fn defaults_survive_a_round_trip() {
+        assert_eq!(table("").unwrap(), Develop::default());
+        let text = toml::to_string(&Develop::default()).unwrap();
+        assert_eq!(table(&text).unwrap(), Develop::default());
+        assert_eq!(table("levels = 2").unwrap().levels, Levels::Count(2));
+    }
+
+    #[test]
+    fn bad_values_are_refused_with_the_key() {
+        for (text, part) in [
+            ("energy = \"willmore\"", "`energy` must be one of covariance"),
+            ("max_deviation = 0", "`max_deviation`"),
+            ("max_deviation = \"0 %\"", "`max_deviation`"),
+            ("levels = \"many\"", "\"auto\""),
+            ("levels = -1", "\"auto\""),
+            ("levels = 20", "`levels`"),
+            ("rounds = 0", "`rounds`"),
+            ("depth = 1", "depth"),
+        ] {
+            let error = table(text).unwrap_err();
+            assert!(error.contains(part), "{text}: {error}");
+        }
+    }
+}
