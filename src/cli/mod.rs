@@ -6,7 +6,10 @@ mod inspect;
 mod show;
 mod template;
 
-use std::{process::ExitCode, sync::atomic::{AtomicBool, Ordering}};
+use std::{
+    process::ExitCode,
+    sync::atomic::{AtomicBool, Ordering},
+};
 
 use clap::Parser;
 

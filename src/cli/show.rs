@@ -24,7 +24,8 @@ pub(super) fn note(text: &str) {
 /// Data on stdout; a reader that went away (`| head`) is no error.
 pub(super) fn data(text: &str) {
     let mut out = std::io::stdout().lock();
-    let _ = out.write_all(text.as_bytes()).and_then(|()| if text.ends_with('\n') { Ok(()) } else { out.write_all(b"\n") });
+    let _ =
+        out.write_all(text.as_bytes()).and_then(|()| if text.ends_with('\n') { Ok(()) } else { out.write_all(b"\n") });
 }
 
 /// An error with its causes.
@@ -97,12 +98,29 @@ impl Progress {
 
 /// Rows of the summary: label, path into the report, how to show the value.
 const SUMMARY: &[(&str, &[(&str, &str)])] = &[
-    ("input", &[("/input/file", ""), ("/input/faces", "faces"), ("/input/genus", "genus"), ("/input/diagonal_mm", "mm diagonal")]),
-    ("developed", &[("/develop/covariance_energy", "energy"), ("/develop/hausdorff_pct", "% off"), ("/develop/folds", "folds")]),
+    (
+        "input",
+        &[
+            ("/input/file", ""),
+            ("/input/faces", "faces"),
+            ("/input/genus", "genus"),
+            ("/input/diagonal_mm", "mm diagonal"),
+        ],
+    ),
+    (
+        "developed",
+        &[("/develop/covariance_energy", "energy"), ("/develop/hausdorff_pct", "% off"), ("/develop/folds", "folds")],
+    ),
     ("cut", &[("/cut/pieces", "pieces"), ("/cut/seam_length_mm", "mm of seam")]),
-    ("flat", &[("/flatten/p99_abs_log_scale", "log scale (99 %)"), ("/flatten/max_abs_log_scale", "log scale (worst)")]),
+    (
+        "flat",
+        &[("/flatten/p99_abs_log_scale", "log scale (99 %)"), ("/flatten/max_abs_log_scale", "log scale (worst)")],
+    ),
     ("sheets", &[("/layout/sheets", "sheets"), ("/layout/parts", "parts"), ("/layout/density", "density")]),
-    ("machine", &[("/route/cut_mm", "mm cut"), ("/route/travel_mm", "mm travel"), ("/route/seconds_estimate", "s estimated")]),
+    (
+        "machine",
+        &[("/route/cut_mm", "mm cut"), ("/route/travel_mm", "mm travel"), ("/route/seconds_estimate", "s estimated")],
+    ),
 ];
 
 /// One screen: sizes, counts, failed checks, where to look next.
@@ -140,6 +158,26 @@ pub(super) fn summary(report: &Value, out: &str) {
     }
     let files = report["files"].as_array().map_or(0, Vec::len);
     text += &format!("{:>10}  {files} files in {out} (report.json, sheets/, parts/, preview/, model/)\n", "written");
+    data(&text);
+}
+
+/// Key and value, a line each, tables indented.
+pub(super) fn facts(facts: &Value) {
+    fn lines(value: &Value, indent: usize, out: &mut String) {
+        for (key, value) in value.as_object().into_iter().flatten() {
+            *out += &format!("{:indent$}{key}", "");
+            match value {
+                Value::Object(_) => {
+                    out.push('\n');
+                    lines(value, indent + 2, out);
+                }
+                Value::String(text) => *out += &format!("  {text}\n"),
+                other => *out += &format!("  {other}\n"),
+            }
+        }
+    }
+    let mut text = String::new();
+    lines(facts, 0, &mut text);
     data(&text);
 }
 

@@ -4,6 +4,7 @@ mod drawing;
 mod dxf;
 mod gcode;
 mod hpgl;
+pub mod obj;
 mod svg;
 
 use std::{collections::BTreeSet, io};

@@ -1,5 +1,5 @@
 //! What a drawing file holds, whatever its format: lines on named layers, in millimetres.
-use crate::geom::{Box2, Vec2};
+use crate::geom::{Box2, Vec2, polyline_length};
 
 /// Largest distance between a curve in a file and the segments that it becomes, mm.
 pub(super) const TOLERANCE: f64 = 0.005;
@@ -24,6 +24,13 @@ pub struct DrawnLine {
     pub points: Vec<Vec2>,
     /// Whether the last point joins the first.
     pub closed: bool,
+}
+
+impl DrawnLine {
+    /// Its length, mm.
+    pub fn length(&self) -> f64 {
+        polyline_length(&self.points, self.closed)
+    }
 }
 
 impl Drawing {

@@ -14,6 +14,8 @@ pub struct SourceMesh {
     pub file: String,
     /// What was mended on the way in, one sentence each.
     pub repairs: Vec<String>,
+    /// The axis that points up: 1 for y, 2 for z.
+    pub up: usize,
 }
 
 /// One round of the developability flow.

@@ -5,8 +5,8 @@ use crate::{
     geom::{Vec2, Vec3},
     mesh::{EdgeId, FaceId, Field, HalfedgeId, Id, TriMesh, VertexId},
     model::{
-        Artifact, CutMesh, DevelopableMesh, Flattening, Kind, Mark, Noun, Opening, Operation, Overlap, Part, Parts, Piece, PieceId,
-        Placement, Round, Seam, Sheet, SheetPaths, Sheets, SourceMesh, Toolpath, Toolpaths,
+        Artifact, CutMesh, DevelopableMesh, Flattening, Kind, Mark, Noun, Opening, Operation, Overlap, Part, Parts,
+        Piece, PieceId, Placement, Round, Seam, Sheet, SheetPaths, Sheets, SourceMesh, Toolpath, Toolpaths,
     },
 };
 
@@ -193,7 +193,7 @@ impl Codec for Operation {
 }
 
 records! {
-    SourceMesh { mesh, file, repairs }
+    SourceMesh { mesh, file, repairs, up }
     Round {
         energy, vertices, faces, energy_start, energy_end, gradient_norm, iterations, evaluations, seconds, stopped,
     }

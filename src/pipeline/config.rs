@@ -62,7 +62,9 @@ pub enum ConfigError {
         reason: String,
     },
     /// Not UTF-8.
-    #[error("the config {path} is not UTF-8: line {line} holds the byte 0x{byte:02X}. Save it as UTF-8 (it looks like Latin-1 or Windows-1252)")]
+    #[error(
+        "the config {path} is not UTF-8: line {line} holds the byte 0x{byte:02X}. Save it as UTF-8 (it looks like Latin-1 or Windows-1252)"
+    )]
     Encoding {
         /// The file.
         path: String,
@@ -256,7 +258,8 @@ impl<'t> Config<'t> {
             }
             let (span, name) = (value.span(), name.to_owned());
             let DeValue::Table(table) = value.into_inner() else {
-                let message = format!("unknown key `{name}`; at the top level there are {} and tables", HEAD.join(", "));
+                let message =
+                    format!("unknown key `{name}`; at the top level there are {} and tables", HEAD.join(", "));
                 return Err(source.error(message, Some(key.span())));
             };
             // A table's own span is only its header; complaints about a missing key should point there.
@@ -266,7 +269,8 @@ impl<'t> Config<'t> {
                 None => drop(tables.insert(name, table)),
             }
         }
-        let spans_of = |table: &str| head.get(table).and_then(|it| it.get_ref().as_table()).map(key_spans).unwrap_or_default();
+        let spans_of =
+            |table: &str| head.get(table).and_then(|it| it.get_ref().as_table()).map(key_spans).unwrap_or_default();
         let (input_spans, mut output_spans) = (spans_of("input"), spans_of("output"));
         let version_span = head.get("version").map(Spanned::span);
         let head = Head::deserialize(toml::de::Deserializer::from(Spanned::new(span, head)));

@@ -3,7 +3,7 @@ use rayon::prelude::*;
 use serde_json::Value;
 
 use super::{
-    output::{Output, OutputError},
+    output::Output,
     plan::Plan,
     run::{Event, RunError},
     verify::verify,
@@ -11,9 +11,9 @@ use super::{
 use crate::{
     emit::{self, File, Nouns},
     mesh::TriMesh,
-    model::{CutMesh, DevelopableMesh, Flattening, Parts, Sheets, SourceMesh, Toolpaths},
+    model::{CutMesh, DevelopableMesh, Flattening, Operation, Parts, Sheets, SourceMesh, Toolpaths},
     numeric::{Cancelled, Monitor},
-    report::{self, Frame, StageRow, Written},
+    report::{self, Frame, StageRow, Subjects, Written},
     stage::{Section, Store},
 };
 
@@ -23,8 +23,10 @@ impl From<Cancelled> for RunError {
     }
 }
 
-/// Makes one file: path, format, bytes.
-type Job<'a> = (String, &'static str, Box<dyn Fn() -> Vec<u8> + Sync + 'a>);
+/// Makes the bytes of one file, or says why it cannot.
+type Make<'a> = Box<dyn Fn() -> Result<Vec<u8>, String> + Sync + Send + 'a>;
+/// Path, format, and how to make it.
+type Job<'a> = (String, &'static str, Make<'a>);
 
 /// Writes everything that the store holds, verifies it, and writes the report.
 pub(super) fn deliver(
@@ -41,10 +43,10 @@ pub(super) fn deliver(
     let nouns =
         Nouns { parts: store.get::<Parts>(), sheets: store.get::<Sheets>(), toolpaths: store.get::<Toolpaths>() };
     let drawn = emit::files(&nouns, &plan.profiles, &plan.formats).expect("the plan proved that every format exists");
-    let jobs: Vec<Job<'_>> = models(store).into_iter().chain(pictures(store, plan)).collect();
+    let line = |operation| plan.profiles.machine.layers[operation].color.0;
+    let jobs: Vec<Job<'_>> = models(store).into_iter().chain(pictures(store, &line)).collect();
     monitor.check()?;
-    let made: Vec<(String, &'static str, Vec<u8>)> =
-        jobs.into_par_iter().map(|(path, format, make)| (path, format, make())).collect();
+    let made: Vec<_> = jobs.par_iter().map(|(path, format, make)| (path, *format, make())).collect();
 
     let mut written = Vec::new();
     let mut put = |path: &str, format: &'static str, bytes: &[u8]| -> Result<(), RunError> {
@@ -60,7 +62,12 @@ pub(super) fn deliver(
         let bytes = output.read(&file.path)?;
         read_back.push(File { bytes, ..file });
     }
-    made.iter().try_for_each(|(path, format, bytes)| put(path, format, bytes))?;
+    for (path, format, bytes) in made {
+        match bytes {
+            Ok(bytes) => put(path, format, &bytes)?,
+            Err(reason) => tell(Event::Warning(&format!("{path} is missing: {reason}"))),
+        }
+    }
     section.checks.extend(verify(&read_back, &nouns, &plan.profiles));
     let frame = Frame {
         recipe: &plan.recipe,
@@ -75,4 +82,34 @@ pub(super) fn deliver(
     output.sweep(&written.iter().map(|it| it.path.clone()).collect())?;
     tell(Event::Finished { stage: "write", seconds: monitor.seconds() - start, cached: false });
     Ok(report)
+}
+
+/// The meshes of the job as OBJ.
+fn models(store: &Store) -> Vec<Job<'_>> {
+    let source = store.get::<SourceMesh>().map(|it| &it.mesh);
+    let developed = store.get::<DevelopableMesh>().map(|it| &it.mesh);
+    let cut = store.get::<CutMesh>().map(|it| &it.mesh);
+    let uv = store.get::<Flattening>().map(|it| &it.uv);
+    [("input", source, None), ("coarse", store.get(), None), ("developed", developed, None), ("cut", cut, uv)]
+        .into_iter()
+        .filter_map(|(name, mesh, uv)| {
+            let mesh: &TriMesh = mesh?;
+            let write = move || {
+                let mut bytes = Vec::new();
+                emit::obj::write(mesh, uv, &mut bytes).expect("writing to memory cannot fail");
+                Ok(bytes)
+            };
+            Some((format!("model/{name}.obj"), "obj", Box::new(write) as Make<'_>))
+        })
+        .collect()
+}
+
+/// The previews.
+fn pictures<'a>(store: &'a Store, line: &'a (dyn Fn(Operation) -> [u8; 3] + Sync)) -> Vec<Job<'a>> {
+    let source = store.get::<SourceMesh>().expect("the run put the source first");
+    let (coarse, developed, cut, sheets) = (store.get(), store.get(), store.get(), store.get());
+    report::pictures(Subjects { source, coarse, developed, cut, sheets, line })
+        .into_iter()
+        .map(|(path, draw)| -> Job<'a> { (path, "png", Box::new(move || draw().map_err(|err| err.to_string()))) })
+        .collect()
 }

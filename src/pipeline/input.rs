@@ -10,7 +10,7 @@ use super::{
 };
 use crate::{
     import::mesh::{self as reader, ImportError},
-    mesh::{Component, MeshRefusal, RepairOptions, repair},
+    mesh::repair::{Components, MeshFacts, MeshRefusal, RepairOptions, repair},
     model::{Artifact, Noun, SourceMesh},
     profile::Length,
     stage::Key,
@@ -119,31 +119,47 @@ impl Source {
     pub fn load(config: &Config<'_>) -> Result<Self, InputError> {
         let table = &config.input;
         let sizing = Sizing::of(config)?;
-        let given = table.mesh.as_deref().ok_or_else(|| {
-            config.source.error("the config names no mesh; add [input] with mesh = \"FILE\"", None)
-        })?;
+        let given = table
+            .mesh
+            .as_deref()
+            .ok_or_else(|| config.source.error("the config names no mesh; add [input] with mesh = \"FILE\"", None))?;
         let path = config.source.folder().join(given);
         let soup = reader::read(&path)?;
         let options = RepairOptions {
-            component: match table.component {
-                ComponentKey::One => Component::Only,
-                ComponentKey::Largest => Component::Largest,
-                ComponentKey::All => Component::All,
+            components: match table.component {
+                ComponentKey::One => Components::One,
+                ComponentKey::Largest => Components::Largest,
+                ComponentKey::All => Components::All,
             },
             fill_holes: table.fill_holes,
         };
-        let (mut mesh, repairs) =
-            repair(soup, &options).map_err(|source| InputError::Refused { path: path.display().to_string(), source })?;
+        let (mut mesh, repairs) = repair(&soup, &options)
+            .map_err(|source| InputError::Refused { path: path.display().to_string(), source })?;
         let mut warnings = Vec::new();
-        let scale = sizing.scale(&mesh.bounds().size(), table.up.unwrap_or_else(|| usual_up(given)), &mut warnings);
+        let up = table.up.unwrap_or_else(|| usual_up(given));
+        let scale = sizing.scale(&mesh.bounds().size(), up, &mut warnings);
         mesh.positions_mut().as_mut_slice().iter_mut().for_each(|p| *p *= scale);
         let file = given.file_name().unwrap_or(given.as_os_str()).to_string_lossy().into_owned();
-        let mesh = SourceMesh { mesh, file, repairs: repairs.iter().map(ToString::to_string).collect() };
+        let up = if up == Up::Z { 2 } else { 1 };
+        let mesh = SourceMesh { mesh, file, repairs: repairs.iter().map(ToString::to_string).collect(), up };
         let facts = facts(&mesh);
         let artifact = mesh.wrap();
         let key = *blake3::hash(&codec::encode(&artifact)).as_bytes();
         Ok(Self { artifact, key, facts, warnings })
     }
+}
+
+/// Facts of a mesh file in its own units, as `fabricate inspect` shows them; `Err` says why it is refused.
+pub fn inspect_mesh(path: &Path) -> Result<Value, String> {
+    let chain = |err: &dyn std::error::Error| {
+        std::iter::successors(Some(err), |it| it.source()).map(ToString::to_string).collect::<Vec<_>>().join(": ")
+    };
+    let soup = reader::read(path).map_err(|err| chain(&err))?;
+    let options = RepairOptions { components: Components::All, fill_holes: 0 };
+    let (mesh, repairs) = repair(&soup, &options).map_err(|err| chain(&err))?;
+    let file = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+    let repairs = repairs.iter().map(ToString::to_string).collect();
+    Ok(facts(&SourceMesh { mesh, file, repairs, up: 1 }))
 }
 
 /// How the physical size is given.
@@ -223,16 +239,16 @@ fn usual_up(path: &Path) -> Up {
 }
 
 fn facts(source: &SourceMesh) -> Value {
-    let mesh = &source.mesh;
-    let size = mesh.bounds().size();
+    let MeshFacts { vertices, faces, components, boundary_loops, genus, diagonal } = MeshFacts::of(&source.mesh);
+    let size = source.mesh.bounds().size();
     json!({
         "file": source.file,
-        "vertices": mesh.vertex_count(),
-        "faces": mesh.face_count(),
-        "components": mesh.components().1,
-        "boundary_loops": mesh.boundary_loops().len(),
-        "genus": mesh.genus(),
-        "diagonal_mm": mesh.bounds().diagonal(),
+        "vertices": vertices,
+        "faces": faces,
+        "components": components,
+        "boundary_loops": boundary_loops,
+        "genus": genus,
+        "diagonal_mm": diagonal,
         "size_mm": [size.x, size.y, size.z],
         "repairs": source.repairs,
     })

@@ -12,7 +12,7 @@ mod run;
 mod verify;
 
 pub use config::{Config, ConfigError, ConfigText, Place};
-pub use input::{InputError, Source};
+pub use input::{InputError, Source, inspect_mesh};
 pub use output::OutputError;
 pub use plan::{Plan, PlanError, plan};
 pub use recipes::{RECIPES, Recipe, STAGES};

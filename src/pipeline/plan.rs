@@ -44,7 +44,8 @@ pub fn plan(config: Config<'_>) -> Result<Plan, PlanError> {
     for def in &stages {
         if let Some(&needs) = def.needs.iter().find(|it| !made.contains(it)) {
             let maker = STAGES.iter().find(|it| it.makes == needs).map_or("none", |it| it.name);
-            let message = format!("stage `{}` needs {needs:?}, which no earlier stage makes (stage `{maker}` does)", def.name);
+            let message =
+                format!("stage `{}` needs {needs:?}, which no earlier stage makes (stage `{maker}` does)", def.name);
             return Err(source.error(message, config.stages.as_ref().map(Spanned::span)));
         }
         made.push(def.makes);
@@ -80,7 +81,8 @@ pub fn plan(config: Config<'_>) -> Result<Plan, PlanError> {
             continue;
         }
         let known: Vec<_> = STAGES.iter().map(|it| it.name).collect();
-        let message = format!("unknown table [{name}]; there are input, material, machine, output, {}", known.join(", "));
+        let message =
+            format!("unknown table [{name}]; there are input, material, machine, output, {}", known.join(", "));
         return Err(source.error(message, Some(table.span())));
     }
     let recipe = recipe.into_inner();

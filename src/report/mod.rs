@@ -1,4 +1,8 @@
 //! `report.json`: what was made, how well, and where it lies. Keys are those of CONTRACT.md.
+mod pictures;
+
+pub use pictures::{Drawing, Subjects, pictures};
+
 use serde_json::{Map, Value, json};
 
 use crate::stage::Section;

@@ -84,7 +84,13 @@ fn the_same_job_gives_the_same_bytes_on_any_number_of_threads() {
         assert!(bytes == &b[path], "{} differs", path.display());
     }
     let names: Vec<_> = a.keys().map(|it| it.display().to_string()).collect();
-    for expected in ["sheets/sheet-01.svg", "sheets/sheet-01.dxf", "sheets/sheet-01.nc", "preview/sheet-01.png", "model/developed.obj"] {
+    for expected in [
+        "sheets/sheet-01.svg",
+        "sheets/sheet-01.dxf",
+        "sheets/sheet-01.nc",
+        "preview/sheet-01.png",
+        "model/developed.obj",
+    ] {
         assert!(names.iter().any(|it| it == expected), "{expected} is missing among {names:?}");
     }
 }
@@ -161,17 +167,32 @@ const BAD_CONFIGS: &[(&str, &str, i32, &[&str])] = &[
     ("missing mesh", "[input]\nmesh = \"nowhere.obj\"\n", 3, &["cannot read the mesh", "nowhere.obj"]),
     ("unknown key", "[input]\nmash = \"a.obj\"\n", 2, &["unknown field `mash`", "job.toml:2:1"]),
     ("wrong type", "seed = \"three\"\n[input]\nmesh = \"MESH\"\n", 2, &["job.toml:1:8", "expected u64"]),
-    ("unknown stage key", "[input]\nmesh = \"MESH\"\n[develop]\nenergi = 1\n", 2, &["[develop]", "unknown field `energi`", "job.toml:4:1"]),
+    (
+        "unknown stage key",
+        "[input]\nmesh = \"MESH\"\n[develop]\nenergi = 1\n",
+        2,
+        &["[develop]", "unknown field `energi`", "job.toml:4:1"],
+    ),
     ("unknown table", "[input]\nmesh = \"MESH\"\n[devellop]\n", 2, &["unknown table [devellop]", "job.toml:3"]),
     ("unknown recipe", "recipe = \"developpable\"\n", 2, &["unknown recipe", "developable"]),
     ("unknown profile", "[input]\nmesh = \"MESH\"\n[material]\nprofile = \"papr\"\n", 2, &["papr", "paper-200gsm"]),
-    ("unknown format", "[input]\nmesh = \"MESH\"\n[output]\nformats = [\"svgg\"]\n", 2, &["unknown format `svgg`", "svg"]),
+    (
+        "unknown format",
+        "[input]\nmesh = \"MESH\"\n[output]\nformats = [\"svgg\"]\n",
+        2,
+        &["unknown format `svgg`", "svg"],
+    ),
     ("version of the future", "version = 9\n", 2, &["version 1, not 9", "job.toml:1:11"]),
     ("not TOML", "[input\n", 2, &["job.toml:1"]),
     ("two sizes", "[input]\nmesh = \"MESH\"\nheight = 3\nscale = 2\n", 2, &["both give the size", "job.toml:"]),
     ("negative size", "[input]\nmesh = \"MESH\"\nheight = \"-3 mm\"\n", 2, &["must be more than 0", "job.toml:3:10"]),
     ("wrong unit", "[input]\nmesh = \"MESH\"\nheight = \"3 furlong\"\n", 2, &["furlong", "mm, cm, m", "job.toml:3:10"]),
-    ("wrong order", "stages = [\"flatten\"]\n[input]\nmesh = \"MESH\"\n", 2, &["needs CutMesh", "`cut`", "job.toml:1:10"]),
+    (
+        "wrong order",
+        "stages = [\"flatten\"]\n[input]\nmesh = \"MESH\"\n",
+        2,
+        &["needs CutMesh", "`cut`", "job.toml:1:10"],
+    ),
 ];
 
 #[test]

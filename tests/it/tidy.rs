@@ -11,7 +11,10 @@ const MAY_IMPORT: &[(&str, &[&str])] = &[
     ("main.rs", &["cli"]),
     ("stage.rs", &["model", "numeric", "profile"]),
     ("cli/", &["pipeline", "machine", "import", "report", "profile"]),
-    ("pipeline/", &["stages/*/stage", "stage", "import", "emit", "report", "profile", "model", "mesh", "geom", "numeric"]),
+    (
+        "pipeline/",
+        &["stages/*/stage", "stage", "import", "emit", "report", "profile", "model", "mesh", "geom", "numeric"],
+    ),
     ("stages/mod.rs", &[]),
     ("stages/*/stage.rs", &["stage", "stages/SELF", "model", "mesh", "profile", "geom", "numeric", "surface"]),
     ("stages/*/", &["stages/SELF", "model", "mesh", "surface", "numeric", "geom"]),
@@ -55,7 +58,8 @@ fn rust_files(dir: &Path, out: &mut Vec<PathBuf>) {
 fn under(path: &str, pattern: &str, own: &str) -> bool {
     let pattern = pattern.replace("SELF", own);
     let (mut path, mut pattern) = (path.split('/'), pattern.split('/').filter(|it| !it.is_empty()));
-    pattern.all(|want| path.next().is_some_and(|have| want == "*" || want == have || want == have.trim_end_matches(".rs")))
+    pattern
+        .all(|want| path.next().is_some_and(|have| want == "*" || want == have || want == have.trim_end_matches(".rs")))
 }
 
 /// Every `crate::a::b` path of a text as `a/b`, groups expanded, and every `super::…` resolved against `file`.
@@ -118,7 +122,9 @@ fn expand(text: &str, prefix: String, out: &mut Vec<String>) {
     let word: String = text.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
     let path = if prefix.is_empty() { word.clone() } else { format!("{prefix}/{word}") };
     match text[word.len()..].strip_prefix("::") {
-        Some(rest) if rest.starts_with('{') || rest.starts_with(|c: char| c.is_alphanumeric() || c == '_') => expand(rest, path, out),
+        Some(rest) if rest.starts_with('{') || rest.starts_with(|c: char| c.is_alphanumeric() || c == '_') => {
+            expand(rest, path, out)
+        }
         _ => out.push(path),
     }
 }
@@ -141,7 +147,9 @@ fn long_functions(text: &str) -> Vec<String> {
         let body = line.trim_start();
         let indent = &line[..line.len() - body.len()];
         let Some((_, rest)) = body.split_once("fn ").filter(|(before, _)| {
-            before.split_whitespace().all(|it| matches!(it, "pub" | "const" | "pub(crate)" | "pub(super)" | "async" | "unsafe"))
+            before
+                .split_whitespace()
+                .all(|it| matches!(it, "pub" | "const" | "pub(crate)" | "pub(super)" | "async" | "unsafe"))
         }) else {
             continue;
         };
@@ -221,28 +229,45 @@ fn tidy_catches() {
     let check = |path: &str, text: &str, expected: &[&str]| {
         assert_eq!(violations(&[(path.into(), text.into())]), expected, "{path}: {text}");
     };
-    check("stages/cut/mod.rs", "//! x\nuse crate::{mesh::TriMesh, emit::{A, B}};", &[
-        "stages/cut/mod.rs: may not import `emit::A`",
-        "stages/cut/mod.rs: may not import `emit::B`",
-    ]);
-    check("stages/cut/mod.rs", "//! x\nuse crate::stage::Stage;", &["stages/cut/mod.rs: may not import `stage::Stage`"]);
+    check(
+        "stages/cut/mod.rs",
+        "//! x\nuse crate::{mesh::TriMesh, emit::{A, B}};",
+        &["stages/cut/mod.rs: may not import `emit::A`", "stages/cut/mod.rs: may not import `emit::B`"],
+    );
+    check(
+        "stages/cut/mod.rs",
+        "//! x\nuse crate::stage::Stage;",
+        &["stages/cut/mod.rs: may not import `stage::Stage`"],
+    );
     check("stages/cut/stage.rs", "//! x\nuse crate::stage::Stage;\nuse serde::Serialize;\nuse super::cut;", &[]);
-    check("stages/cut/stage.rs", "//! x\nuse crate::stages::flatten::flatten;", &[
-        "stages/cut/stage.rs: may not import `stages::flatten::flatten`",
-    ]);
-    check("stages/cut/mod.rs", "//! x\nuse super::flatten::flatten;", &[
-        "stages/cut/mod.rs: may not import `stages::flatten::flatten`",
-    ]);
-    check("stages/cut/seam.rs", "//! x\nuse super::super::flatten::flatten;", &[
-        "stages/cut/seam.rs: may not import `stages::flatten::flatten`",
-    ]);
+    check(
+        "stages/cut/stage.rs",
+        "//! x\nuse crate::stages::flatten::flatten;",
+        &["stages/cut/stage.rs: may not import `stages::flatten::flatten`"],
+    );
+    check(
+        "stages/cut/mod.rs",
+        "//! x\nuse super::flatten::flatten;",
+        &["stages/cut/mod.rs: may not import `stages::flatten::flatten`"],
+    );
+    check(
+        "stages/cut/seam.rs",
+        "//! x\nuse super::super::flatten::flatten;",
+        &["stages/cut/seam.rs: may not import `stages::flatten::flatten`"],
+    );
     check("stages/cut/seam.rs", "//! x\nuse super::Options;\nuse crate::stages::cut::x;", &[]);
     check("stages/cut/mod.rs", "//! x\nmod tests {\n    use super::{Options, cut};\n}", &[]);
-    check("mesh/mod.rs", "//! x\nuse serde::Serialize;", &[
-        "mesh/mod.rs: serde belongs in stage.rs, profile, report, import and pipeline",
-    ]);
+    check(
+        "mesh/mod.rs",
+        "//! x\nuse serde::Serialize;",
+        &["mesh/mod.rs: serde belongs in stage.rs, profile, report, import and pipeline"],
+    );
     check("pipeline/run.rs", "//! x\nuse crate::stages::cut::stage::Cut;", &[]);
-    check("pipeline/run.rs", "//! x\nuse crate::stages::cut::cut;", &["pipeline/run.rs: may not import `stages::cut::cut`"]);
+    check(
+        "pipeline/run.rs",
+        "//! x\nuse crate::stages::cut::cut;",
+        &["pipeline/run.rs: may not import `stages::cut::cut`"],
+    );
     check("geom/utils.rs", "//! x", &["geom/utils.rs: `utils.rs` says nothing about what is inside"]);
     check("geom/a.rs", "x", &["geom/a.rs: the file does not begin with a `//!` line that says what it is for"]);
     let long = format!("//! x\nfn f() {{\n{}}}\n", "    let _ = 0;\n".repeat(70));

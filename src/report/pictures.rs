@@ -1,0 +1,65 @@
+//! Previews: the input, coarse, developed and cut mesh, and every sheet, as PNG.
+use crate::{
+    mesh::{FaceId, Id, TriMesh},
+    model::{CutMesh, DevelopableMesh, Operation, Sheets, SourceMesh},
+    render::{self, Edges, MeshStyle, RenderError, Rgb, SheetStyle, Up, palette},
+};
+
+/// The nouns to draw; what is absent gets no picture.
+#[derive(Clone, Copy)]
+pub struct Subjects<'a> {
+    /// For the up axis, and the input itself.
+    pub source: &'a SourceMesh,
+    /// The coarse mesh.
+    pub coarse: Option<&'a TriMesh>,
+    /// The developed mesh.
+    pub developed: Option<&'a DevelopableMesh>,
+    /// The cut mesh.
+    pub cut: Option<&'a CutMesh>,
+    /// The sheets.
+    pub sheets: Option<&'a Sheets>,
+    /// Line colours of the machine profile.
+    pub line: &'a (dyn Fn(Operation) -> Rgb + Sync),
+}
+
+/// A picture still to be drawn.
+pub type Drawing<'a> = (String, Box<dyn Fn() -> Result<Vec<u8>, RenderError> + Sync + Send + 'a>);
+
+/// Longer side of a sheet's picture, pixels.
+const SHEET_PIXELS: u32 = 1600;
+
+/// Path and drawing of every picture.
+pub fn pictures<'a>(subjects: Subjects<'a>) -> Vec<Drawing<'a>> {
+    let up = if subjects.source.up == 2 { Up::Z } else { Up::Y };
+    let base = MeshStyle { up, ..MeshStyle::default() };
+    let mut out: Vec<Drawing<'a>> = Vec::new();
+    let mut add = |name: &str, mesh: &'a TriMesh, edges: Edges| {
+        let draw = move || render::mesh(mesh, &MeshStyle { edges, ..base });
+        out.push((format!("preview/{name}.png"), Box::new(draw)));
+    };
+    add("input", &subjects.source.mesh, Edges::Boundary);
+    if let Some(mesh) = subjects.coarse {
+        add("coarse", mesh, Edges::All);
+    }
+    if let Some(developed) = subjects.developed {
+        add("developed", &developed.mesh, base.edges);
+    }
+    if let Some(cut) = subjects.cut {
+        let draw = move || {
+            let face = |f: FaceId| palette(cut.piece_of[f].index());
+            render::mesh(&cut.mesh, &MeshStyle { face: &face, edges: Edges::Boundary, ..base })
+        };
+        out.push(("preview/cut.png".into(), Box::new(draw)));
+    }
+    for (i, sheet) in subjects.sheets.iter().flat_map(|it| it.sheets.iter().enumerate()) {
+        let margin = subjects.sheets.map_or(0.0, |it| it.margin);
+        let line = subjects.line;
+        let draw = move || {
+            // A part has the colour of its piece in the picture of the cut mesh.
+            let fill = |k: usize| palette(sheet.placements[k].part);
+            render::sheet(sheet, &SheetStyle { pixels: SHEET_PIXELS, line: &line, fill: &fill, margin })
+        };
+        out.push((format!("preview/sheet-{:02}.png", i + 1), Box::new(draw)));
+    }
+    out
+}
