@@ -1,0 +1,361 @@
+//! A picture of a mesh: perspective, z-buffer, one shade per face, edges as dark as they are bent (after figures 14 and 26
+//! of Stein, Grinspun and Crane, "Developability of Triangle Meshes", 2018: what is flat across an edge shows no line, so
+//! the strips of a developable surface stand out).
+use super::{
+    LARGEST, RenderError, Rgb,
+    color::{decode, encode},
+    png,
+};
+use crate::{
+    geom::{Vec2, Vec3, cross2},
+    mesh::{EdgeId, FaceId, Field, TriMesh, VertexId},
+};
+
+/// Which way is up in the model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Up {
+    /// Most models.
+    #[default]
+    Y,
+    /// Printing and CAD.
+    Z,
+}
+
+/// Which edges to draw. Boundary edges are always drawn, dark.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Edges {
+    /// Only the boundary.
+    Boundary,
+    /// As dark as the angle between the faces, full from this angle (radians) on.
+    ByAngle(f64),
+    /// All alike, thin and light.
+    All,
+}
+
+/// How to draw a mesh.
+#[derive(Clone, Copy)]
+pub struct MeshStyle<'a> {
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+    /// Colour of a face.
+    pub face: &'a (dyn Fn(FaceId) -> Rgb + Sync),
+    /// Edges.
+    pub edges: Edges,
+    /// Up axis of the model.
+    pub up: Up,
+    /// Where the camera stands around the up axis, radians; 0 looks at the model from its front (+z, with y up).
+    pub azimuth: f64,
+    /// How far above the horizon it stands, radians.
+    pub elevation: f64,
+}
+
+impl Default for MeshStyle<'_> {
+    /// A three-quarter view from slightly above, in one warm grey.
+    fn default() -> Self {
+        Self {
+            width: 1000,
+            height: 1000,
+            face: &|_| [0xee, 0xe9, 0xe0],
+            edges: Edges::ByAngle(0.35),
+            up: Up::Y,
+            azimuth: 0.6,
+            elevation: 0.3,
+        }
+    }
+}
+
+/// Samples per pixel and axis.
+const SAMPLES: u32 = 3;
+/// Half the angle of view, radians: a long lens, so that proportions stay true.
+const HALF_VIEW: f64 = 0.2;
+/// Free space around the model, as a share of the picture.
+const BORDER: f64 = 0.06;
+/// An edge is seen if it lies behind the surface by less than this share of the model's radius.
+const EDGE_BIAS: f64 = 0.006;
+const INK: Rgb = [0x26, 0x2b, 0x33];
+/// Background, top and bottom.
+const SKY: [Rgb; 2] = [[0xfb, 0xfc, 0xfd], [0xe6, 0xea, 0xef]];
+
+/// A PNG of a mesh.
+pub fn mesh(mesh: &TriMesh, style: &MeshStyle<'_>) -> Result<Vec<u8>, RenderError> {
+    let (width, height) = (style.width, style.height);
+    if width == 0 || height == 0 || width > LARGEST || height > LARGEST {
+        return Err(RenderError::Size { width, height });
+    }
+    let view = View::new(mesh, style);
+    let mut canvas = Canvas::new(width * SAMPLES, height * SAMPLES);
+    let mut lights = vec![[0.0; 3]];
+    for face in mesh.faces() {
+        let corners = mesh.face_vertices(face).map(|v| view.points[v]);
+        lights.push(shade((style.face)(face), view.rotation * mesh.normal(face), corners));
+        canvas.triangle(corners, face.0 + 1);
+    }
+    let pixel = f64::from(SAMPLES);
+    for edge in mesh.edges() {
+        let (ink, width) = line(mesh, edge, style.edges);
+        if ink > 0.02 {
+            let [a, b] = mesh.edge_vertices(edge).map(|v| view.points[v]);
+            canvas.line(a, b, ink, 0.5 * width * pixel, view.bias);
+        }
+    }
+    png(width, height, &canvas.resolve(width, height, &lights))
+}
+
+/// Ink in [0, 1] and width in pixels of an edge.
+fn line(mesh: &TriMesh, edge: EdgeId, edges: Edges) -> (f64, f64) {
+    match (mesh.dihedral_cosine(edge), edges) {
+        (None, _) => (0.9, 1.7),
+        (Some(_), Edges::Boundary) => (0.0, 0.0),
+        (Some(cosine), Edges::ByAngle(full)) => ((cosine.clamp(-1.0, 1.0).acos() / full).min(1.0) * 0.85, 1.3),
+        (Some(_), Edges::All) => (0.35, 0.8),
+    }
+}
+
+/// A vertex in the picture: sample coordinates and the reciprocal of its depth, which is linear there.
+#[derive(Debug, Clone, Copy)]
+struct Projected {
+    at: Vec2,
+    inverse_depth: f64,
+}
+
+struct View {
+    points: Field<VertexId, Projected>,
+    /// From the model to the camera's axes: x right, y up, z towards the viewer.
+    rotation: nalgebra::Matrix3<f64>,
+    /// Relative difference of inverse depth that hides no edge.
+    bias: f64,
+}
+
+impl View {
+    /// Turns the model, puts the camera at a distance that holds it, and fits what is seen into the picture.
+    fn new(mesh: &TriMesh, style: &MeshStyle<'_>) -> Self {
+        let upright = match style.up {
+            Up::Y => nalgebra::Matrix3::identity(),
+            Up::Z => nalgebra::Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0),
+        };
+        let turn = nalgebra::Rotation3::from_axis_angle(&Vec3::y_axis(), -style.azimuth);
+        let tilt = nalgebra::Rotation3::from_axis_angle(&Vec3::x_axis(), style.elevation);
+        let rotation = tilt.matrix() * turn.matrix() * upright;
+        let bounds = mesh.bounds();
+        let center = (bounds.min + bounds.max) / 2.0;
+        let radius = mesh.positions().iter().map(|p| (p - center).norm()).fold(f64::MIN_POSITIVE, f64::max);
+        let distance = radius / HALF_VIEW.sin();
+        let seen: Vec<(Vec2, f64)> = mesh
+            .positions()
+            .iter()
+            .map(|p| {
+                let p = rotation * (p - center);
+                let inverse_depth = 1.0 / (distance - p.z);
+                (p.xy() * inverse_depth, inverse_depth)
+            })
+            .collect();
+        let frame = crate::geom::Box2::of(seen.iter().map(|it| &it.0));
+        let samples = Vec2::new(f64::from(style.width), f64::from(style.height)) * f64::from(SAMPLES);
+        let size = frame.size();
+        let room = (1.0 - 2.0 * BORDER) * samples;
+        let scale = (room.x / size.x.max(f64::MIN_POSITIVE)).min(room.y / size.y.max(f64::MIN_POSITIVE));
+        let middle = (frame.min + frame.max) / 2.0;
+        let points = seen.iter().map(|&(at, inverse_depth)| {
+            let at = (at - middle) * scale;
+            Projected { at: samples / 2.0 + Vec2::new(at.x, -at.y), inverse_depth }
+        });
+        Self { points: Field::from_vec(points.collect()), rotation, bias: EDGE_BIAS * radius / distance }
+    }
+}
+
+/// Light of a face: a key light from the upper left, a weak one from the right, some from everywhere. The inner side of
+/// an open surface is darker and greyer, so that holes read as holes.
+fn shade(base: Rgb, normal: Vec3, corners: [Projected; 3]) -> [f64; 3] {
+    let [a, b, c] = corners.map(|it| it.at);
+    // Sample coordinates have y down, so a counter-clockwise face has a negative area there.
+    let front = cross2(b - a, c - a) < 0.0;
+    let normal = if front { normal } else { -normal };
+    let key = normal.dot(&Vec3::new(-0.45, 0.65, 0.61)).max(0.0);
+    let fill = normal.dot(&Vec3::new(0.8, 0.1, 0.59)).max(0.0);
+    let light = 0.24 + 0.72 * key + 0.18 * fill;
+    let base = base.map(decode);
+    let grey = base.iter().sum::<f64>() / 3.0;
+    base.map(|it| light * if front { it } else { 0.45 * it + 0.15 * grey })
+}
+
+struct Canvas {
+    width: usize,
+    height: usize,
+    /// Reciprocal of the depth of the nearest surface; 0 where there is none.
+    inverse_depth: Vec<f32>,
+    /// What is nearest: 0 for nothing, else one more than the face.
+    face: Vec<u32>,
+    /// Share of ink.
+    ink: Vec<f32>,
+}
+
+impl Canvas {
+    fn new(width: u32, height: u32) -> Self {
+        let (width, height) = (width as usize, height as usize);
+        let count = width * height;
+        Self { width, height, inverse_depth: vec![0.0; count], face: vec![0; count], ink: vec![0.0; count] }
+    }
+
+    /// Samples whose centres may lie in a box: columns, rows.
+    fn samples(&self, low: Vec2, high: Vec2) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
+        let range = |low: f64, high: f64, count: usize| {
+            let (low, high) = ((low - 0.5).ceil().max(0.0), (high - 0.5).floor());
+            low as usize..(high + 1.0).clamp(0.0, count as f64) as usize
+        };
+        (range(low.x, high.x, self.width), range(low.y, high.y, self.height))
+    }
+
+    fn triangle(&mut self, corners: [Projected; 3], face: u32) {
+        let [a, b, c] = corners.map(|it| it.at);
+        let area = cross2(b - a, c - a);
+        if area == 0.0 || !area.is_finite() {
+            return;
+        }
+        let (columns, rows) = self.samples(a.inf(&b).inf(&c), a.sup(&b).sup(&c));
+        let depths = corners.map(|it| it.inverse_depth);
+        for row in rows {
+            for column in columns.clone() {
+                let at = Vec2::new(column as f64 + 0.5, row as f64 + 0.5);
+                let weights = [cross2(c - b, at - b), cross2(a - c, at - c), cross2(b - a, at - a)].map(|it| it / area);
+                if weights.iter().any(|&it| it < 0.0) {
+                    continue;
+                }
+                let depth = (0..3).map(|i| weights[i] * depths[i]).sum::<f64>() as f32;
+                let sample = row * self.width + column;
+                if depth > self.inverse_depth[sample] {
+                    self.inverse_depth[sample] = depth;
+                    self.face[sample] = face;
+                }
+            }
+        }
+    }
+
+    /// A round-ended line where it is not behind the surface by more than `bias`.
+    fn line(&mut self, a: Projected, b: Projected, ink: f64, radius: f64, bias: f64) {
+        let along = b.at - a.at;
+        let length = along.norm_squared();
+        let reach = Vec2::repeat(radius);
+        let (columns, rows) = self.samples(a.at.inf(&b.at) - reach, a.at.sup(&b.at) + reach);
+        for row in rows {
+            for column in columns.clone() {
+                let at = Vec2::new(column as f64 + 0.5, row as f64 + 0.5);
+                let t = if length > 0.0 { ((at - a.at).dot(&along) / length).clamp(0.0, 1.0) } else { 0.0 };
+                if (at - a.at - t * along).norm_squared() > radius * radius {
+                    continue;
+                }
+                let depth = (a.inverse_depth + t * (b.inverse_depth - a.inverse_depth)) * (1.0 + bias);
+                let sample = row * self.width + column;
+                if depth as f32 >= self.inverse_depth[sample] {
+                    self.ink[sample] = self.ink[sample].max(ink as f32);
+                }
+            }
+        }
+    }
+
+    /// Averages the samples of each pixel in linear light; `lights[0]` is not read.
+    fn resolve(&self, width: u32, height: u32, lights: &[[f64; 3]]) -> Vec<Rgb> {
+        let ink = INK.map(decode);
+        let [top, bottom] = SKY.map(|it| it.map(decode));
+        let samples = SAMPLES as usize;
+        let share = 1.0 / (samples * samples) as f64;
+        let mut pixels = Vec::with_capacity((width * height) as usize);
+        for row in 0..height as usize {
+            let down = row as f64 / f64::from(height);
+            let sky: [f64; 3] = std::array::from_fn(|i| top[i] + down * (bottom[i] - top[i]));
+            let empty = sky.map(encode);
+            for column in 0..width as usize {
+                let block = (0..samples * samples)
+                    .map(|i| (row * samples + i / samples) * self.width + column * samples + i % samples);
+                if block.clone().all(|it| self.face[it] == 0 && self.ink[it] == 0.0) {
+                    pixels.push(empty);
+                    continue;
+                }
+                let mut sum = [0.0; 3];
+                for sample in block {
+                    let ground = match self.face[sample] {
+                        0 => &sky,
+                        face => &lights[face as usize],
+                    };
+                    let share_of_ink = f64::from(self.ink[sample]);
+                    for i in 0..3 {
+                        sum[i] += ground[i] + share_of_ink * (ink[i] - ground[i]);
+                    }
+                }
+                pixels.push(sum.map(|it| encode(it * share)));
+            }
+        }
+        pixels
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use resvg::tiny_skia::Pixmap;
+
+    use super::*;
+    use crate::mesh::shapes;
+
+    fn picture(mesh_of: &TriMesh, style: &MeshStyle<'_>) -> Pixmap {
+        Pixmap::decode_png(&mesh(mesh_of, style).unwrap()).unwrap()
+    }
+
+    fn rgb(picture: &Pixmap, x: u32, y: u32) -> Rgb {
+        let pixel = picture.pixel(x, y).unwrap();
+        [pixel.red(), pixel.green(), pixel.blue()]
+    }
+
+    #[test]
+    fn a_sphere_is_round_lit_from_above_and_hides_its_back() {
+        let sphere = shapes::icosphere(10.0, 4);
+        let camera = MeshStyle { width: 200, height: 160, edges: Edges::Boundary, ..MeshStyle::default() };
+        // What faces away from the viewer is red and must not show.
+        let view = View::new(&sphere, &camera);
+        let paint = |f: FaceId| if (view.rotation * sphere.normal(f)).z < -0.25 { [255, 0, 0] } else { [0, 160, 0] };
+        let picture = picture(&sphere, &MeshStyle { face: &paint, ..camera });
+        let covered = |x, y| {
+            let [r, g, b] = rgb(&picture, x, y);
+            g > r && g > b
+        };
+        assert_eq!(rgb(&picture, 0, 0), rgb(&picture, 199, 0), "background");
+        assert!((0..200).all(|x| (0..160).all(|y| {
+            let [r, g, _] = rgb(&picture, x, y);
+            r <= g || r > 200
+        })));
+        // The disk fills the height less the border on both sides, and is as wide.
+        let count = (0..200).flat_map(|x| (0..160).map(move |y| (x, y))).filter(|&(x, y)| covered(x, y)).count();
+        let radius = 160.0 * (0.5 - BORDER);
+        let expected = std::f64::consts::PI * radius * radius;
+        assert!((count as f64 / expected - 1.0).abs() < 0.03, "{count} pixels for {expected:.0}");
+        let bright = |x, y| rgb(&picture, x, y)[1];
+        assert!(bright(80, 50) > bright(120, 120), "the key light comes from the upper left");
+    }
+
+    #[test]
+    fn edges_show_by_their_angle() {
+        let drawn = |divisions, edges| {
+            let cube = shapes::cuboid(Vec3::new(10.0, 10.0, 10.0), divisions);
+            picture(&cube, &MeshStyle { width: 120, height: 120, edges, ..MeshStyle::default() })
+        };
+        let changed = |a: &Pixmap, b: &Pixmap| {
+            a.pixels().iter().zip(b.pixels()).filter(|(a, b)| a.red().abs_diff(b.red()) > 8).count()
+        };
+        let plain = drawn(4, Edges::Boundary);
+        let bent = changed(&plain, &drawn(4, Edges::ByAngle(0.35)));
+        // Nine edges of the cube are seen, each about 50 pixels long and two to three wide.
+        assert!((300..1500).contains(&bent), "{bent}");
+        // Those that divide its flat sides are not; where pieces of a line join, samples may round otherwise.
+        assert!(changed(&drawn(4, Edges::ByAngle(0.35)), &drawn(1, Edges::ByAngle(0.35))) < 10);
+        assert!(changed(&drawn(4, Edges::All), &drawn(1, Edges::All)) > bent, "unless all are asked for");
+    }
+
+    #[test]
+    fn sizes_that_cannot_be_are_refused() {
+        let cube = shapes::cuboid(Vec3::new(1.0, 1.0, 1.0), 1);
+        for (width, height) in [(0, 10), (10, 0), (5000, 10)] {
+            let style = MeshStyle { width, height, ..MeshStyle::default() };
+            assert!(matches!(mesh(&cube, &style), Err(RenderError::Size { .. })));
+        }
+    }
+}
