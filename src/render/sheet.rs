@@ -135,7 +135,7 @@ mod tests {
             contours: vec![points(square(20.0, 80.0)), hole],
             marks: vec![Mark {
                 operation: Operation::ScoreValley,
-                points: points(vec![(20.0, 30.0), (80.0, 30.0)]),
+                points: points(vec![(20.0, 30.1), (80.0, 30.1)]),
                 closed: false,
             }],
         };
@@ -154,7 +154,7 @@ mod tests {
         assert_eq!(at(150.0, 50.0), [255, 255, 255], "beside it");
         assert_eq!(at(-2.0, 50.0), DESK, "off the sheet");
         assert_eq!(at(50.0, 20.0), [255, 0, 0], "on its outline, in the lower half: y is up");
-        assert_eq!(at(50.0, 30.0), [0, 0, 255], "on the fold");
+        assert_eq!(at(50.0, 30.1), [0, 0, 255], "on the fold");
         assert!(matches!(sheet(&page, &SheetStyle { pixels: 100_000, ..style }), Err(RenderError::Size { .. })));
     }
 }
