@@ -5,6 +5,7 @@ pub mod outline;
 pub mod polygon;
 pub mod polyline;
 pub mod segment_tree;
+pub mod triangle;
 pub mod stroke_font;
 
 /// A point or vector in space, millimetres.
