@@ -255,14 +255,20 @@ fn exchange_arcs(
         arcs.sort_by(|a, b| length(b).total_cmp(&length(a)).then_with(|| a.cmp(b)));
         let mut improved = false;
         for arc in arcs {
-            if arc.iter().any(|&e| kept[e] || !cut[e]) {
+            // A path that replaced another arc may branch off in the middle of this one: it waits for the next round.
+            let through = |pair: &[EdgeId]| {
+                let [a, b] = mesh.edge_vertices(pair[0]);
+                let v = if mesh.edge_vertices(pair[1]).contains(&a) { a } else { b };
+                mesh.outgoing(v).filter(|&h| cut[mesh.edge(h)]).count() == 2
+            };
+            if arc.iter().any(|&e| kept[e] || !cut[e]) || !arc.windows(2).all(through) {
                 continue;
             }
             for &e in &arc {
                 cut[e] = false;
             }
             let chart = builder.chart(faces.clone(), &|e| cut[e]);
-            let path = (chart.loops.len() == 2).then(|| {
+            let path = (chart.loops.len() == 2 && chart.euler_characteristic() == 0).then(|| {
                 let graph = EdgeGraph::new(mesh, &chart, weight);
                 let path = joining_tree(&graph, &loop_groups(&chart));
                 path.into_iter().map(|h| mesh.edge(h)).collect::<Vec<_>>()
