@@ -5,8 +5,8 @@ pub mod outline;
 pub mod polygon;
 pub mod polyline;
 pub mod segment_tree;
-pub mod triangle;
 pub mod stroke_font;
+pub mod triangle;
 
 /// A point or vector in space, millimetres.
 pub type Vec3 = nalgebra::Vector3<f64>;

@@ -6,9 +6,8 @@ use super::{Vec2, polygon::orientation, signed_area};
 /// Two open convex sets are disjoint if and only if a line separates them, and for polygons one along an edge.
 pub fn triangles_overlap(a: [Vec2; 3], b: [Vec2; 3]) -> bool {
     let (Some(a), Some(b)) = (counter_clockwise(a), counter_clockwise(b)) else { return false };
-    let separated = |p: &[Vec2; 3], q: &[Vec2; 3]| {
-        (0..3).any(|k| q.iter().all(|&v| orientation(p[k], p[(k + 1) % 3], v) <= 0.0))
-    };
+    let separated =
+        |p: &[Vec2; 3], q: &[Vec2; 3]| (0..3).any(|k| q.iter().all(|&v| orientation(p[k], p[(k + 1) % 3], v) <= 0.0));
     !separated(&a, &b) && !separated(&b, &a)
 }
 

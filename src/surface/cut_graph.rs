@@ -6,7 +6,10 @@ use super::{
     chart::{Chart, ChartBuilder},
     paths::{DisjointSets, EdgeGraph, PathTree, joining_tree},
 };
-use crate::mesh::{EdgeId, FaceId, Field, HalfedgeId, TriMesh, VertexId};
+use crate::{
+    mesh::{EdgeId, FaceId, Field, HalfedgeId, TriMesh, VertexId},
+    numeric::{Cancelled, Monitor},
+};
 
 const NONE: u32 = u32::MAX;
 /// How many roots of the tree–cotree decomposition are tried; the first guess is seldom the best, and more than a few
@@ -25,7 +28,8 @@ pub fn cut_to_disks(
     curvature: &Field<VertexId, f64>,
     terminals: &[VertexId],
     cut: &mut Field<EdgeId, bool>,
-) {
+    monitor: &Monitor,
+) -> Result<(), Cancelled> {
     let mut builder = ChartBuilder::new(mesh);
     let kept = cut.clone();
     let all: Vec<FaceId> = mesh.faces().collect();
@@ -35,8 +39,12 @@ pub fn cut_to_disks(
     }
     for faces in builder.components(&all, &|e| kept[e]) {
         let chart = builder.chart(faces, &|e| kept[e]);
-        for edge in handle_cut(mesh, &chart, weight) {
-            cut[edge] = true;
+        let handles = handle_cut(mesh, &chart, weight);
+        if !handles.is_empty() {
+            for edge in handles {
+                cut[edge] = true;
+            }
+            exchange_arcs(&mut builder, &chart.faces, weight, &kept, cut, monitor)?;
         }
         let chart = builder.chart(chart.faces, &|e| cut[e]);
         let graph = EdgeGraph::new(mesh, &chart, weight);
@@ -54,10 +62,8 @@ pub fn cut_to_disks(
         for h in joining_tree(&graph, &group) {
             cut[mesh.edge(h)] = true;
         }
-        if terminals.is_empty() {
-            exchange_arcs(&mut builder, chart.faces, weight, &kept, cut);
-        }
     }
+    Ok(())
 }
 
 /// Number of the loop for every vertex on one.
@@ -231,30 +237,29 @@ pub fn arcs(mesh: &TriMesh, cut: &Field<EdgeId, bool>) -> Vec<Vec<EdgeId>> {
     out
 }
 
-/// Replaces arcs by shorter ones: without one arc the disk becomes an annulus, and any path between its two loops makes
-/// it a disk again.
+/// Replaces arcs by shorter ones: gluing one arc splits the boundary loop on which both its sides lie in two, and any
+/// path between these two does what the arc did.
 fn exchange_arcs(
     builder: &mut ChartBuilder,
-    faces: Vec<FaceId>,
+    faces: &[FaceId],
     weight: &Field<EdgeId, f64>,
     kept: &Field<EdgeId, bool>,
     cut: &mut Field<EdgeId, bool>,
-) {
+    monitor: &Monitor,
+) -> Result<(), Cancelled> {
     let mesh = builder.mesh();
     let mut inside = Field::filled(mesh.face_count(), false);
-    for &f in &faces {
+    for &f in faces {
         inside[f] = true;
     }
+    let length = |arc: &[EdgeId]| arc.iter().map(|&e| weight[e]).sum::<f64>();
     for _ in 0..EXCHANGES {
-        let mut own = Field::filled(mesh.edge_count(), false);
-        for e in mesh.edges().filter(|&e| cut[e] && inside[mesh.face(mesh.halfedge(e))]) {
-            own[e] = true;
-        }
-        let length = |arc: &[EdgeId]| arc.iter().map(|&e| weight[e]).sum::<f64>();
+        let own = Field::from_fn(mesh.edge_count(), |e| cut[e] && inside[mesh.face(mesh.halfedge(e))]);
         let mut arcs = arcs(mesh, &own);
         arcs.sort_by(|a, b| length(b).total_cmp(&length(a)).then_with(|| a.cmp(b)));
         let mut improved = false;
         for arc in arcs {
+            monitor.check()?;
             // A path that replaced another arc may branch off in the middle of this one: it waits for the next round.
             let through = |pair: &[EdgeId]| {
                 let [a, b] = mesh.edge_vertices(pair[0]);
@@ -264,23 +269,51 @@ fn exchange_arcs(
             if arc.iter().any(|&e| kept[e] || !cut[e]) || !arc.windows(2).all(through) {
                 continue;
             }
-            for &e in &arc {
-                cut[e] = false;
-            }
-            let chart = builder.chart(faces.clone(), &|e| cut[e]);
-            let path = (chart.loops.len() == 2 && chart.euler_characteristic() == 0).then(|| {
-                let graph = EdgeGraph::new(mesh, &chart, weight);
-                let path = joining_tree(&graph, &loop_groups(&chart));
-                path.into_iter().map(|h| mesh.edge(h)).collect::<Vec<_>>()
-            });
-            let shorter = path.filter(|it| !it.is_empty() && length(it) < (1.0 - 1e-9) * length(&arc));
-            improved |= shorter.is_some();
-            for e in shorter.unwrap_or(arc) {
-                cut[e] = true;
+            let path = shortest_substitute(builder, faces, weight, cut, &arc);
+            let shorter = path.filter(|it| length(it) < (1.0 - 1e-9) * length(&arc));
+            if let Some(path) = shorter {
+                improved = true;
+                for &e in &arc {
+                    cut[e] = false;
+                }
+                for e in path {
+                    cut[e] = true;
+                }
             }
         }
         if !improved {
-            return;
+            break;
         }
     }
+    Ok(())
+}
+
+/// The shortest path that does what `arc` does; `None` where its two sides lie on different loops.
+fn shortest_substitute(
+    builder: &mut ChartBuilder,
+    faces: &[FaceId],
+    weight: &Field<EdgeId, f64>,
+    cut: &Field<EdgeId, bool>,
+    arc: &[EdgeId],
+) -> Option<Vec<EdgeId>> {
+    let mesh = builder.mesh();
+    let before = builder.chart(faces.to_vec(), &|e| cut[e]);
+    let h = mesh.halfedge(arc[0]);
+    let split = before.loops.iter().find(|path| path.iter().any(|it| it.0 == h))?;
+    let mut rim: Vec<HalfedgeId> = split.iter().map(|it| it.0).collect();
+    rim.sort_unstable();
+    let glued = |e: EdgeId| cut[e] && !arc.contains(&e);
+    let chart = builder.chart(before.faces, &glued);
+    let mut group = loop_groups(&chart);
+    let halves: Vec<u32> = (0..chart.loops.len() as u32)
+        .filter(|&k| chart.loops[k as usize].iter().any(|it| rim.binary_search(&it.0).is_ok()))
+        .collect();
+    if halves.len() != 2 || chart.loops.len() != before.loops.len() + 1 {
+        return None;
+    }
+    for it in &mut group {
+        *it = halves.iter().position(|k| k == it).map_or(NONE, |k| k as u32);
+    }
+    let path = joining_tree(&EdgeGraph::new(mesh, &chart, weight), &group);
+    (!path.is_empty()).then(|| path.into_iter().map(|h| mesh.edge(h)).collect())
 }

@@ -18,7 +18,9 @@ const CLAMPED_WEIGHT: f64 = 1e-6;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FlattenError {
     /// Not a disk: closed, or with several boundary loops.
-    #[error("the piece around face {face} is not a disk: it has {loops} boundary loops and Euler characteristic {euler}")]
+    #[error(
+        "the piece around face {face} is not a disk: it has {loops} boundary loops and Euler characteristic {euler}"
+    )]
     NotADisk {
         /// Its first face.
         face: FaceId,
@@ -72,7 +74,8 @@ impl<'a> Flattener<'a> {
                 let clamp = CLAMPED_WEIGHT * sum / (3.0 * chart.faces.len() as f64);
                 let matrix = laplacian(metric, chart, &row, interior.len(), clamp);
                 let factor = Cholesky::new(&matrix).map_err(|source| {
-                    let (SparseError::NotPositiveDefinite { index } | SparseError::NotFinite { row: index, .. }) = source
+                    let (SparseError::NotPositiveDefinite { index } | SparseError::NotFinite { row: index, .. }) =
+                        source
                     else {
                         return FlattenError::Laplacian { face: chart.faces[0], vertex: chart.origin[0], source };
                     };

@@ -2,6 +2,7 @@
 
 pub mod chart;
 pub mod cut_graph;
+pub mod distortion;
 pub mod flatten;
 pub mod opening;
 pub mod overlap;

@@ -100,8 +100,7 @@ mod tests {
                 .flat_map(|i| (i + 1..200).map(move |j| (i, j)))
                 .filter(|&(i, j)| triangles_overlap(triangles[i], triangles[j]))
                 .collect();
-            let found: Vec<(usize, usize)> =
-                overlapping_triangles(&triangles).iter().map(|it| (it.0, it.1)).collect();
+            let found: Vec<(usize, usize)> = overlapping_triangles(&triangles).iter().map(|it| (it.0, it.1)).collect();
             assert_eq!(found, brute);
             assert!(spread > 1.0 || scale > 100.0 || !found.is_empty());
         }

@@ -112,11 +112,7 @@ pub struct PathTree {
 impl PathTree {
     /// Dijkstra from `sources` with their starting distances. `expand(v, distance)` says whether to go on from a settled
     /// vertex; returning `None` ends the search there, with `v` settled.
-    pub fn new(
-        graph: &EdgeGraph,
-        sources: &[(u32, f64)],
-        mut expand: impl FnMut(u32, f64) -> Option<bool>,
-    ) -> Self {
+    pub fn new(graph: &EdgeGraph, sources: &[(u32, f64)], mut expand: impl FnMut(u32, f64) -> Option<bool>) -> Self {
         let n = graph.vertex_count();
         let mut out = Self { distance: vec![f64::INFINITY; n], parent: vec![None; n], source: vec![NONE; n] };
         let mut heap = BinaryHeap::new();

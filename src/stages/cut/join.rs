@@ -33,7 +33,7 @@ impl Search<'_> {
             if let Some(&before) = run.last() {
                 let [a, b] = self.mesh.edge_vertices(e);
                 let shared = if self.mesh.edge_vertices(before).contains(&a) { a } else { b };
-                if self.must_cut[shared] {
+                if self.must_cut[shared] || self.mesh.is_boundary_vertex(shared) {
                     out.push(std::mem::take(&mut run));
                 }
             }
@@ -60,7 +60,6 @@ impl Search<'_> {
         let chart = self.builder.chart(faces, &|e| self.cut[e]);
         if chart.is_disk() {
             let piece = super::piece::Piece::new(&self.metric, chart, self.options)?;
-            self.statistics.trials += 1;
             if piece.is_good() {
                 self.remove(p);
                 if p != q {

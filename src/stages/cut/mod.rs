@@ -9,15 +9,14 @@ mod join;
 mod piece;
 mod relieve;
 mod search;
+pub mod stage;
 
 use crate::{
-    mesh::{EdgeId, Field, Id, MeshError, TriMesh, VertexId},
+    mesh::{EdgeId, Field, Id, MeshError, TriMesh},
     model::{CutMesh, DevelopableMesh, Piece, PieceId, Seam},
     numeric::{Cancelled, Monitor},
     surface::{flatten::FlattenError, opening},
 };
-
-pub use search::Statistics;
 
 /// What to keep to.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,19 +49,16 @@ pub enum CutError {
 /// Cuts the surface.
 pub fn cut(input: &DevelopableMesh, options: &Options, monitor: &Monitor) -> Result<CutMesh, CutError> {
     let mesh = &input.mesh;
-    let terminals: Vec<VertexId> = match options.tolerance {
-        Some(tolerance) => mesh.vertices().filter(|&v| input.energy[v] > tolerance).collect(),
-        None => Vec::new(),
-    };
-    let (cut, _) = search::search(mesh, &terminals, options, monitor)?;
-    open(mesh, &cut, options.tolerance.unwrap_or(0.0), terminals.len())
+    let is_terminal = |v| options.tolerance.is_some_and(|tolerance| input.energy[v] > tolerance);
+    let found = search::search(mesh, is_terminal, options, monitor)?;
+    open(mesh, &found.cut, options.tolerance, found.terminals)
 }
 
 /// The cut mesh of a set of cut edges, its pieces named and its seams labelled.
 fn open(
     mesh: &TriMesh,
     cut: &Field<EdgeId, bool>,
-    tolerance: f64,
+    tolerance: Option<f64>,
     seam_vertices: usize,
 ) -> Result<CutMesh, CutError> {
     let opening = opening::open(mesh, cut)?;
@@ -73,7 +69,7 @@ fn open(
         piece_of: Field::from_vec(opening.piece_of.iter().map(|&it| PieceId(it)).collect()),
         pieces: Field::from_fn(opening.pieces, |it: PieceId| Piece { name: letters(it.index()) }),
         seams,
-        tolerance,
+        tolerance: tolerance.unwrap_or(f64::INFINITY),
         seam_vertices,
     })
 }

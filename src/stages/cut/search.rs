@@ -16,15 +16,6 @@ const CREASE_DEFECT: f64 = 0.2;
 /// What one more piece is worth, as a share of the bounding-box diagonal.
 const NEW_PIECE: f64 = 0.03;
 
-/// How much work a search was.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Statistics {
-    /// Charts flattened to judge them.
-    pub trials: usize,
-    /// Pieces divided because they overlapped themselves.
-    pub divisions: usize,
-}
-
 /// State of the search.
 pub(super) struct Search<'a> {
     pub(super) mesh: &'a TriMesh,
@@ -37,22 +28,31 @@ pub(super) struct Search<'a> {
     pub(super) cut: Field<EdgeId, bool>,
     pub(super) pieces: Vec<Option<Piece>>,
     pub(super) piece_of: Field<FaceId, u32>,
-    pub(super) statistics: Statistics,
 }
 
-/// Finds the edges to cut.
+/// What a search found.
+pub(super) struct Found {
+    /// The edges to cut.
+    pub(super) cut: Field<EdgeId, bool>,
+    /// Number of vertices that the first cut was led through.
+    pub(super) terminals: usize,
+}
+
+/// Finds the edges to cut: through all vertices for which `is_terminal` holds and all that cannot be in the interior of
+/// a piece, and wherever else the limits ask for it.
 pub(super) fn search(
     mesh: &TriMesh,
-    terminals: &[VertexId],
+    is_terminal: impl Fn(VertexId) -> bool,
     options: &Options,
     monitor: &Monitor,
-) -> Result<(Field<EdgeId, bool>, Statistics), CutError> {
+) -> Result<Found, CutError> {
     let curvature = angle_defects(mesh);
     let weight = seam_weight(mesh, &curvature);
     let metric = Metric::new(mesh);
     let must_cut = must_cut(mesh, &metric, &curvature, options.stretch);
     let mut cut = Field::filled(mesh.edge_count(), false);
-    cut_to_disks(mesh, &weight, &curvature, terminals, &mut cut);
+    let terminals: Vec<VertexId> = mesh.vertices().filter(|&v| must_cut[v] || is_terminal(v)).collect();
+    cut_to_disks(mesh, &weight, &curvature, &terminals, &mut cut, monitor)?;
     let mut search = Search {
         mesh,
         metric,
@@ -64,12 +64,11 @@ pub(super) fn search(
         cut,
         pieces: Vec::new(),
         piece_of: Field::filled(mesh.face_count(), u32::MAX),
-        statistics: Statistics::default(),
     };
     let all: Vec<FaceId> = mesh.faces().collect();
     search.settle(all)?;
     search.join()?;
-    Ok((search.cut, search.statistics))
+    Ok(Found { cut: search.cut, terminals: terminals.len() })
 }
 
 /// Length / (1 + 2 S) with S = min(1, dihedral / 0.5) + min(1, (|K_a| + |K_b|) / 0.2): seams run along creases and
@@ -94,7 +93,7 @@ fn must_cut(mesh: &TriMesh, metric: &Metric, curvature: &Field<VertexId, f64>, l
     Field::from_fn(mesh.vertex_count(), |v| {
         let around = || mesh.outgoing(v).map(|h| weights[mesh.edge(h)]);
         let row: f64 = around().sum::<f64>() + around().map(f64::abs).sum::<f64>();
-        mesh.is_boundary_vertex(v) || curvature[v].abs() > limit * row
+        !mesh.is_boundary_vertex(v) && curvature[v].abs() > limit * row
     })
 }
 
@@ -107,7 +106,6 @@ impl Search<'_> {
             self.monitor.check()?;
             let chart = self.builder.chart(faces, &|e| self.cut[e]);
             let piece = Piece::new(&self.metric, chart, self.options)?;
-            self.statistics.trials += 1;
             if piece.is_good() {
                 self.insert(piece);
                 continue;
@@ -115,7 +113,6 @@ impl Search<'_> {
             let edges = if piece.outline.is_empty() {
                 relieving_cuts(self.mesh, &piece, &self.weight, self.options.stretch)
             } else {
-                self.statistics.divisions += 1;
                 dividing_path(self.mesh, &self.metric, &piece, &self.weight, NEW_PIECE * diagonal).unwrap_or_default()
             };
             if edges.is_empty() {
