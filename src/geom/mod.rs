@@ -6,6 +6,7 @@ pub mod polygon;
 pub mod polyline;
 pub mod segment_tree;
 pub mod stroke_font;
+pub mod triangle;
 
 /// A point or vector in space, millimetres.
 pub type Vec3 = nalgebra::Vector3<f64>;

@@ -7,6 +7,7 @@ mod bvh;
 pub mod distance;
 mod ids;
 pub mod repair;
+pub mod operators;
 pub mod shapes;
 mod trimesh;
 

@@ -100,9 +100,9 @@ pub struct CutMesh {
     pub pieces: Field<PieceId, Piece>,
     /// The seams; boundary edges of the developed mesh are in none.
     pub seams: Vec<Seam>,
-    /// Energy above which a vertex was made a terminal of the cut.
+    /// Energy above which a vertex was made a terminal of the cut; infinite when the energy was not asked.
     pub tolerance: f64,
-    /// Number of those terminals.
+    /// Number of terminals: vertices that the seams were led through on purpose.
     pub seam_vertices: usize,
 }
 

@@ -6,13 +6,13 @@ use crate::{
 
 /// Every stage; a new one is one line here.
 pub const STAGES: &[StageDef] = &[
-    StageDef::of::<coarsen::stage::Coarsen>(),
+    StageDef::of::<coarsen::stage::CoarsenStage>(),
     StageDef::of::<develop::stage::Develop>(),
-    StageDef::of::<cut::stage::Cut>(),
-    StageDef::of::<flatten::stage::Flatten>(),
+    StageDef::of::<cut::stage::CutStage>(),
+    StageDef::of::<flatten::stage::FlattenStage>(),
     StageDef::of::<layout::stage::LayoutStage>(),
-    StageDef::of::<nest::stage::Nest>(),
-    StageDef::of::<route::stage::Route>(),
+    StageDef::of::<nest::stage::NestStage>(),
+    StageDef::of::<route::stage::RouteStage>(),
 ];
 
 /// A pipeline with a name.

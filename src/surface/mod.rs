@@ -1,5 +1,12 @@
-//! Algorithms that several stages share.
+//! Algorithms on surfaces that several stages share: charts, flattening, cut graphs, opening, subdivision.
 
+pub mod chart;
+pub mod cut_graph;
+pub mod distortion;
+pub mod flatten;
+pub mod opening;
+pub mod overlap;
+pub mod paths;
 mod subdivide;
 
 pub use subdivide::subdivide;

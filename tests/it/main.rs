@@ -4,3 +4,4 @@ mod files;
 mod job;
 mod registry;
 mod tidy;
+mod pieces;

@@ -1,1 +1,87 @@
-//! cut
+//! Cuts a surface into pieces that lie flat: every piece a disk whose log factor stays within the material's stretch and
+//! whose outline in the plane is a simple polygon.
+//!
+//! The limit is cheap to test: with the boundary kept isometric one sparse solve tells the largest |u| of a piece, and a
+//! cut through a vertex removes its curvature from the right-hand side. So cuts run to where |u| is largest, along
+//! creases; pieces that overlap themselves are divided; then whatever can be glued again within the limit is glued.
+mod divide;
+mod join;
+mod piece;
+mod relieve;
+mod search;
+pub mod stage;
+
+use crate::{
+    mesh::{EdgeId, Field, Id, MeshError, TriMesh},
+    model::{CutMesh, DevelopableMesh, Piece, PieceId, Seam},
+    numeric::{Cancelled, Monitor},
+    surface::{flatten::FlattenError, opening},
+};
+
+/// What to keep to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Largest |log factor| of a piece.
+    pub stretch: f64,
+    /// Developability energy above which a vertex is made a terminal of the first cut; `None`: terminals follow from the
+    /// stretch alone.
+    pub tolerance: Option<f64>,
+    /// Least distance between parts of one outline that do not follow one another, mm.
+    pub clearance: f64,
+    /// Least angle by which a slit must open at its end, radians.
+    pub least_opening: f64,
+}
+
+/// Why a mesh cannot be cut.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum CutError {
+    /// Interrupted.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+    /// A piece that cannot be flattened at all.
+    #[error("{0}; remesh the surface there (coarsen with method = \"remesh\") or repair it")]
+    Flatten(#[from] FlattenError),
+    /// The opened mesh is not a mesh any more.
+    #[error("the mesh cannot be opened along its cuts: {0}")]
+    Open(#[from] MeshError),
+}
+
+/// Cuts the surface.
+pub fn cut(input: &DevelopableMesh, options: &Options, monitor: &Monitor) -> Result<CutMesh, CutError> {
+    let mesh = &input.mesh;
+    let is_terminal = |v| options.tolerance.is_some_and(|tolerance| input.energy[v] > tolerance);
+    let found = search::search(mesh, is_terminal, options, monitor)?;
+    open(mesh, &found.cut, options.tolerance, found.terminals)
+}
+
+/// The cut mesh of a set of cut edges, its pieces named and its seams labelled.
+fn open(
+    mesh: &TriMesh,
+    cut: &Field<EdgeId, bool>,
+    tolerance: Option<f64>,
+    seam_vertices: usize,
+) -> Result<CutMesh, CutError> {
+    let opening = opening::open(mesh, cut)?;
+    let seams = opening.seams.into_iter().zip(1..).map(|(sides, label)| Seam { label, sides }).collect();
+    Ok(CutMesh {
+        mesh: opening.mesh,
+        origin: opening.origin,
+        piece_of: Field::from_vec(opening.piece_of.iter().map(|&it| PieceId(it)).collect()),
+        pieces: Field::from_fn(opening.pieces, |it: PieceId| Piece { name: letters(it.index()) }),
+        seams,
+        tolerance: tolerance.unwrap_or(f64::INFINITY),
+        seam_vertices,
+    })
+}
+
+/// A, B, … Z, AA, AB, …: no mistaking a piece for a seam, which has a number.
+fn letters(index: usize) -> String {
+    let mut out = Vec::new();
+    let mut rest = index + 1;
+    while rest > 0 {
+        rest -= 1;
+        out.push(char::from(b'A' + (rest % 26) as u8));
+        rest /= 26;
+    }
+    out.iter().rev().collect()
+}

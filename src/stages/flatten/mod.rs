@@ -1,1 +1,219 @@
-//! flatten
+//! Lays every piece flat at its true size and measures how well: stretch, flips, overlaps, seams.
+pub mod stage;
+
+use rayon::prelude::*;
+
+use crate::{
+    geom::Vec2,
+    mesh::{FaceId, Field, HalfedgeId, Id, VertexId},
+    model::{CutMesh, Flattening, Overlap, PieceId},
+    numeric::{Cancelled, Monitor},
+    surface::{
+        chart::{Chart, ChartBuilder, Metric},
+        distortion::Distortion,
+        flatten::{self, Flattener},
+        overlap::overlapping_triangles,
+    },
+};
+
+/// Why a cut mesh cannot be flattened.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum FlattenError {
+    /// Interrupted.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+    /// One piece.
+    #[error("piece {name} cannot be flattened: {source}")]
+    Piece {
+        /// Its name.
+        name: String,
+        /// Why.
+        source: flatten::FlattenError,
+    },
+}
+
+/// A piece in the plane, in the local numbers of its chart.
+struct Flat {
+    uv: Vec<Vec2>,
+    log_factor: Vec<f64>,
+    overlaps: Vec<Overlap>,
+}
+
+/// Flattens every piece with the isometric boundary ([`Flattener`]), each in a frame of its own, and finds the pairs of
+/// faces that overlap.
+pub fn flatten(cut: &CutMesh, stretch_limit: f64, monitor: &Monitor) -> Result<Flattening, FlattenError> {
+    let metric = Metric::new(&cut.mesh);
+    let mut faces: Vec<Vec<FaceId>> = vec![Vec::new(); cut.pieces.len()];
+    for (f, piece) in cut.piece_of.enumerate() {
+        faces[piece.index()].push(f);
+    }
+    let mut builder = ChartBuilder::new(&cut.mesh);
+    let charts: Vec<Chart> = faces.into_iter().map(|it| builder.chart(it, &|_| false)).collect();
+    let done = std::sync::atomic::AtomicUsize::new(0);
+    let flats: Vec<Result<Flat, FlattenError>> = charts
+        .par_iter()
+        .enumerate()
+        .map(|(k, chart)| {
+            monitor.check()?;
+            let name = || cut.pieces[PieceId::new(k)].name.clone();
+            let flat = flatten_chart(&metric, chart).map_err(|source| FlattenError::Piece { name: name(), source });
+            let before = done.fetch_add(chart.faces.len(), std::sync::atomic::Ordering::Relaxed);
+            let share = (before + chart.faces.len()) as f64 / cut.mesh.face_count() as f64;
+            monitor.progress(share, "flattening");
+            flat
+        })
+        .collect();
+    let mut out = Flattening {
+        uv: Field::filled(cut.mesh.vertex_count(), Vec2::zeros()),
+        log_factor: Field::filled(cut.mesh.vertex_count(), 0.0),
+        overlaps: Vec::new(),
+        stretch_limit,
+    };
+    for (chart, flat) in charts.iter().zip(flats) {
+        let flat = flat?;
+        for (k, &v) in chart.origin.iter().enumerate() {
+            out.uv[v] = flat.uv[k];
+            out.log_factor[v] = flat.log_factor[k];
+        }
+        out.overlaps.extend(flat.overlaps);
+    }
+    Ok(out)
+}
+
+fn flatten_chart(metric: &Metric, chart: &Chart) -> Result<Flat, flatten::FlattenError> {
+    let flattener = Flattener::new(metric, chart)?;
+    let uv = flattener.flatten()?;
+    let triangles: Vec<[Vec2; 3]> = chart.corners.iter().map(|it| it.map(|v| uv[v as usize])).collect();
+    let overlaps = overlapping_triangles(&triangles)
+        .into_iter()
+        .map(|(i, j, area)| Overlap { faces: [chart.faces[i], chart.faces[j]], area })
+        .collect();
+    Ok(Flat { log_factor: flattener.log_factor().to_vec(), uv, overlaps })
+}
+
+/// What a flattening is worth. Shares and quantiles weigh faces by their area in space; flipped faces are left out of the
+/// stretch figures and counted on their own.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Quality {
+    /// Largest |log scale| and the face that has it.
+    pub max_log_scale: (f64, FaceId),
+    /// |log scale| that 99.9 % of the area keep.
+    pub p999_log_scale: f64,
+    /// |log scale| that 99 % of the area keep.
+    pub p99_log_scale: f64,
+    /// Mean |log scale|.
+    pub mean_log_scale: f64,
+    /// Share of the area in faces whose |log scale| exceeds the limit.
+    pub share_over_limit: f64,
+    /// Largest principal stretch.
+    pub max_principal_stretch: f64,
+    /// Principal stretch that 99 % of the area keep.
+    pub p99_principal_stretch: f64,
+    /// Largest σ1 / σ2.
+    pub max_quasi_conformal: f64,
+    /// Faces that lie upside down or have no area in the plane.
+    pub flipped: Vec<FaceId>,
+    /// Per piece.
+    pub pieces: Field<PieceId, PieceQuality>,
+}
+
+/// What the flattening of one piece is worth.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PieceQuality {
+    /// Number of faces.
+    pub faces: usize,
+    /// Area in space, mm².
+    pub area_3d: f64,
+    /// Area in the plane, flipped faces negative, mm².
+    pub area_2d: f64,
+    /// Largest |log scale|.
+    pub max_log_scale: f64,
+}
+
+/// Measures a flattening.
+pub fn quality(cut: &CutMesh, flat: &Flattening) -> Quality {
+    let mesh = &cut.mesh;
+    let mut pieces = Field::filled(cut.pieces.len(), PieceQuality::default());
+    let mut flipped = Vec::new();
+    let mut scales: Vec<(f64, FaceId, f64)> = Vec::with_capacity(mesh.face_count());
+    let mut stretches = Vec::with_capacity(mesh.face_count());
+    let mut max_quasi_conformal = 1.0_f64;
+    for f in mesh.faces() {
+        let (space, plane) = (mesh.face_positions(f), mesh.face_vertices(f).map(|v| flat.uv[v]));
+        let distortion = Distortion::new(space, plane);
+        let area = mesh.area(f);
+        let piece = &mut pieces[cut.piece_of[f]];
+        piece.faces += 1;
+        piece.area_3d += area;
+        piece.area_2d += crate::geom::signed_area(&plane);
+        if distortion.flipped {
+            flipped.push(f);
+            continue;
+        }
+        let scale = distortion.log_scale.abs();
+        piece.max_log_scale = piece.max_log_scale.max(scale);
+        scales.push((scale, f, area));
+        stretches.push((distortion.principal_stretch(), f, area));
+        max_quasi_conformal = max_quasi_conformal.max(distortion.quasi_conformal());
+    }
+    let total: f64 = scales.iter().map(|it| it.2).sum();
+    let mean =
+        |values: &[(f64, FaceId, f64)]| values.iter().map(|it| it.0 * it.2).sum::<f64>() / total.max(f64::MIN_POSITIVE);
+    let over: f64 = scales.iter().filter(|it| it.0 > flat.stretch_limit).map(|it| it.2).sum();
+    scales.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    stretches.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    Quality {
+        max_log_scale: scales.last().map_or((0.0, FaceId(0)), |it| (it.0, it.1)),
+        p999_log_scale: quantile(&scales, 0.999 * total),
+        p99_log_scale: quantile(&scales, 0.99 * total),
+        mean_log_scale: mean(&scales),
+        share_over_limit: over / total.max(f64::MIN_POSITIVE),
+        max_principal_stretch: stretches.last().map_or(0.0, |it| it.0),
+        p99_principal_stretch: quantile(&stretches, 0.99 * total),
+        max_quasi_conformal,
+        flipped,
+        pieces,
+    }
+}
+
+/// The least value that faces with at least `area` keep; `values` ascending.
+fn quantile(values: &[(f64, FaceId, f64)], area: f64) -> f64 {
+    let mut sum = 0.0;
+    let reached = values.iter().find(|it| {
+        sum += it.2;
+        sum >= area
+    });
+    reached.or(values.last()).map_or(0.0, |it| it.0)
+}
+
+/// Flat lengths of the two sides of a seam.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SeamLengths {
+    /// Its label.
+    pub label: u32,
+    /// Length of each side in the plane, mm.
+    pub sides: [f64; 2],
+}
+
+impl SeamLengths {
+    /// Difference of the sides, mm.
+    pub fn mismatch(&self) -> f64 {
+        (self.sides[0] - self.sides[1]).abs()
+    }
+
+    /// Difference of the sides over the longer one.
+    pub fn relative(&self) -> f64 {
+        self.mismatch() / self.sides[0].max(self.sides[1]).max(f64::MIN_POSITIVE)
+    }
+}
+
+/// Measures every seam.
+pub fn seam_lengths(cut: &CutMesh, flat: &Flattening) -> Vec<SeamLengths> {
+    let uv = |v: VertexId| flat.uv[v];
+    let length =
+        |side: &[HalfedgeId]| side.iter().map(|&h| (uv(cut.mesh.head(h)) - uv(cut.mesh.tail(h))).norm()).sum::<f64>();
+    cut.seams
+        .iter()
+        .map(|it| SeamLengths { label: it.label, sides: [length(&it.sides[0]), length(&it.sides[1])] })
+        .collect()
+}

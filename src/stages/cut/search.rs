@@ -1,0 +1,141 @@
+//! The search for cuts: what is cut so far, the pieces that makes, and how they get better.
+use super::{CutError, Options, divide::dividing_path, piece::Piece, relieve::relieving_cuts};
+use crate::{
+    mesh::{EdgeId, FaceId, Field, TriMesh, VertexId, operators::angle_defects},
+    numeric::Monitor,
+    surface::{
+        chart::{ChartBuilder, Metric},
+        cut_graph::cut_to_disks,
+    },
+};
+
+/// An edge whose faces meet at this angle counts as a full crease, radians.
+const CREASE_ANGLE: f64 = 0.5;
+/// An edge whose ends have this |angle defect| together counts as a full crease, radians.
+const CREASE_DEFECT: f64 = 0.2;
+/// What one more piece is worth, as a share of the bounding-box diagonal.
+const NEW_PIECE: f64 = 0.03;
+
+/// State of the search.
+pub(super) struct Search<'a> {
+    pub(super) mesh: &'a TriMesh,
+    pub(super) metric: Metric,
+    pub(super) weight: Field<EdgeId, f64>,
+    pub(super) must_cut: Field<VertexId, bool>,
+    pub(super) builder: ChartBuilder<'a>,
+    pub(super) options: &'a Options,
+    pub(super) monitor: &'a Monitor<'a>,
+    pub(super) cut: Field<EdgeId, bool>,
+    pub(super) pieces: Vec<Option<Piece>>,
+    pub(super) piece_of: Field<FaceId, u32>,
+}
+
+/// What a search found.
+pub(super) struct Found {
+    /// The edges to cut.
+    pub(super) cut: Field<EdgeId, bool>,
+    /// Number of vertices that the first cut was led through.
+    pub(super) terminals: usize,
+}
+
+/// Finds the edges to cut: through all vertices for which `is_terminal` holds and all that cannot be in the interior of
+/// a piece, and wherever else the limits ask for it.
+pub(super) fn search(
+    mesh: &TriMesh,
+    is_terminal: impl Fn(VertexId) -> bool,
+    options: &Options,
+    monitor: &Monitor,
+) -> Result<Found, CutError> {
+    let curvature = angle_defects(mesh);
+    let weight = seam_weight(mesh, &curvature);
+    let metric = Metric::new(mesh);
+    let must_cut = must_cut(mesh, &metric, &curvature, options.stretch);
+    let mut cut = Field::filled(mesh.edge_count(), false);
+    let terminals: Vec<VertexId> = mesh.vertices().filter(|&v| must_cut[v] || is_terminal(v)).collect();
+    cut_to_disks(mesh, &weight, &curvature, &terminals, &mut cut, monitor)?;
+    let mut search = Search {
+        mesh,
+        metric,
+        weight,
+        must_cut,
+        builder: ChartBuilder::new(mesh),
+        options,
+        monitor,
+        cut,
+        pieces: Vec::new(),
+        piece_of: Field::filled(mesh.face_count(), u32::MAX),
+    };
+    let all: Vec<FaceId> = mesh.faces().collect();
+    search.settle(all)?;
+    search.join()?;
+    Ok(Found { cut: search.cut, terminals: terminals.len() })
+}
+
+/// Length / (1 + 2 S) with S = min(1, dihedral / 0.5) + min(1, (|K_a| + |K_b|) / 0.2): seams run along creases and
+/// through curvature, where they are of use.
+fn seam_weight(mesh: &TriMesh, curvature: &Field<VertexId, f64>) -> Field<EdgeId, f64> {
+    Field::from_fn(mesh.edge_count(), |e| {
+        let bend = mesh.dihedral_cosine(e).map_or(0.0, |it| it.clamp(-1.0, 1.0).acos());
+        let defect: f64 = mesh.edge_vertices(e).iter().map(|&v| curvature[v].abs()).sum();
+        let crease = (bend / CREASE_ANGLE).min(1.0) + (defect / CREASE_DEFECT).min(1.0);
+        // A zero weight would let paths wander.
+        mesh.edge_length(e).max(f64::MIN_POSITIVE) / (1.0 + 2.0 * crease)
+    })
+}
+
+/// Vertices that lie on a cut in every solution: in the interior A_vv u_v = −K_v − Σ A_vw u_w, so |u| ≤ s everywhere
+/// implies |K_v| ≤ s (A_vv + Σ |A_vw|).
+fn must_cut(mesh: &TriMesh, metric: &Metric, curvature: &Field<VertexId, f64>, limit: f64) -> Field<VertexId, bool> {
+    let mut weights = Field::<EdgeId, f64>::filled(mesh.edge_count(), 0.0);
+    for h in mesh.halfedges() {
+        weights[mesh.edge(h)] += 0.5 * metric.cotangent[h];
+    }
+    Field::from_fn(mesh.vertex_count(), |v| {
+        let around = || mesh.outgoing(v).map(|h| weights[mesh.edge(h)]);
+        let row: f64 = around().sum::<f64>() + around().map(f64::abs).sum::<f64>();
+        !mesh.is_boundary_vertex(v) && curvature[v].abs() > limit * row
+    })
+}
+
+impl Search<'_> {
+    /// Cuts `faces` (whole components of the mesh as it is opened now) until every piece is good.
+    pub(super) fn settle(&mut self, faces: Vec<FaceId>) -> Result<(), CutError> {
+        let diagonal = self.mesh.bounds().diagonal();
+        let mut work = self.builder.components(&faces, &|e| self.cut[e]);
+        while let Some(faces) = work.pop() {
+            self.monitor.check()?;
+            let chart = self.builder.chart(faces, &|e| self.cut[e]);
+            let piece = Piece::new(&self.metric, chart, self.options)?;
+            if piece.is_good() {
+                self.insert(piece);
+                continue;
+            }
+            let edges = if piece.outline.is_empty() {
+                relieving_cuts(self.mesh, &piece, &self.weight, self.options.stretch)
+            } else {
+                dividing_path(self.mesh, &self.metric, &piece, &self.weight, NEW_PIECE * diagonal).unwrap_or_default()
+            };
+            if edges.is_empty() {
+                self.insert(piece);
+                continue;
+            }
+            for e in edges {
+                self.cut[e] = true;
+            }
+            work.extend(self.builder.components(&piece.chart.faces, &|e| self.cut[e]));
+        }
+        Ok(())
+    }
+
+    pub(super) fn insert(&mut self, piece: Piece) {
+        let id = self.pieces.len() as u32;
+        for &f in &piece.chart.faces {
+            self.piece_of[f] = id;
+        }
+        self.pieces.push(Some(piece));
+    }
+
+    pub(super) fn remove(&mut self, piece: u32) {
+        self.pieces[piece as usize] = None;
+    }
+}

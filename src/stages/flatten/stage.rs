@@ -1,0 +1,140 @@
+//! The `[flatten]` table and its sections of the report.
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use super::{FlattenError, Quality, SeamLengths, flatten, quality, seam_lengths};
+use crate::{
+    mesh::{FaceId, TriMesh},
+    model::{CutMesh, Flattening, PieceId},
+    profile::Profiles,
+    stage::{Check, Cx, Section, Stage},
+};
+
+/// The sides of a seam may differ by this share of its length …
+const MISMATCH_SHARE: f64 = 0.002;
+/// … or by this much, mm, whichever is larger.
+const MISMATCH: f64 = 0.05;
+
+/// How pieces are laid flat. No keys yet.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FlattenStage {}
+
+impl Stage for FlattenStage {
+    const NAME: &'static str = "flatten";
+    const VERSION: u32 = 1;
+    type Input = CutMesh;
+    type Output = Flattening;
+    /// The stretch that the material takes, as |log scale|.
+    type Profile = f64;
+    type Error = FlattenError;
+
+    fn profile(profiles: &Profiles) -> f64 {
+        profiles.material.stretch
+    }
+
+    fn run(&self, cut: &CutMesh, stretch: &f64, cx: &Cx) -> Result<Flattening, FlattenError> {
+        flatten(cut, *stretch, &cx.monitor)
+    }
+
+    fn section(&self, cut: &CutMesh, _: &f64, flat: &Flattening) -> Section {
+        let quality = quality(cut, flat);
+        let seams = seam_lengths(cut, flat);
+        let pieces: Vec<_> = quality
+            .pieces
+            .enumerate()
+            .map(|(id, it): (PieceId, _)| {
+                json!({
+                    "name": cut.pieces[id].name,
+                    "faces": it.faces,
+                    "area_3d_mm2": it.area_3d,
+                    "area_2d_mm2": it.area_2d,
+                    "max_abs_log_scale": it.max_log_scale,
+                })
+            })
+            .collect();
+        let overlap_area: f64 = flat.overlaps.iter().map(|it| it.area).sum();
+        let table = json!({
+            "max_abs_log_scale": quality.max_log_scale.0,
+            "p999_abs_log_scale": quality.p999_log_scale,
+            "p99_abs_log_scale": quality.p99_log_scale,
+            "mean_abs_log_scale": quality.mean_log_scale,
+            "share_over_limit": quality.share_over_limit,
+            "max_principal_stretch": quality.max_principal_stretch,
+            "p99_principal_stretch": quality.p99_principal_stretch,
+            "max_qc": quality.max_quasi_conformal,
+            "flipped": quality.flipped.len(),
+            "overlaps": flat.overlaps.len(),
+            "overlap_area_mm2": overlap_area,
+            "stretch_limit": flat.stretch_limit,
+            "pieces": pieces,
+        });
+        let seam_table = json!({
+            "count": seams.len(),
+            "max_mismatch_mm": seams.iter().fold(0.0, |max, it| it.mismatch().max(max)),
+            "max_mismatch_rel": seams.iter().fold(0.0, |max, it| it.relative().max(max)),
+        });
+        Section::new("flatten", table)
+            .table("seams", seam_table)
+            .check(overlap_check(cut, flat, overlap_area))
+            .check(flip_check(cut, &quality))
+            .check(stretch_check(cut, flat, &quality))
+            .check(mismatch_check(cut, &seams))
+    }
+}
+
+/// "piece A near (1.0, 2.0, 3.0)".
+fn place(cut: &CutMesh, f: FaceId) -> String {
+    let mesh: &TriMesh = &cut.mesh;
+    let [a, b, c] = mesh.face_positions(f);
+    let p = (a + b + c) / 3.0;
+    format!("piece {} near ({:.1}, {:.1}, {:.1})", cut.pieces[cut.piece_of[f]].name, p.x, p.y, p.z)
+}
+
+fn overlap_check(cut: &CutMesh, flat: &Flattening, area: f64) -> Check {
+    let worst = flat.overlaps.iter().max_by(|a, b| a.area.total_cmp(&b.area));
+    let note = worst.map_or_else(String::new, |it| {
+        format!(
+            "{area:.3} mm² in all, worst in {}; cut it apart there or let [cut] choose the seams",
+            place(cut, it.faces[0])
+        )
+    });
+    Check::at_most("flatten.overlaps", flat.overlaps.len() as f64, 0.0, "pairs of faces", note)
+}
+
+fn flip_check(cut: &CutMesh, quality: &Quality) -> Check {
+    let note = quality.flipped.first().map_or_else(String::new, |&f| {
+        format!("first in {}; slivers cause it: coarsen with method = \"remesh\"", place(cut, f))
+    });
+    Check::at_most("flatten.flipped", quality.flipped.len() as f64, 0.0, "faces", note)
+}
+
+/// The promise is for 99.9 % of the area: single slivers may exceed it, and the note says by how much.
+fn stretch_check(cut: &CutMesh, flat: &Flattening, quality: &Quality) -> Check {
+    let (max, face) = quality.max_log_scale;
+    let note = if max <= flat.stretch_limit {
+        format!("|log scale| of every triangle at most {max:.5}")
+    } else {
+        format!(
+            "|log scale| kept by 99.9 % of the area; {:.3} % exceed the limit, the worst with {max:.4} in {}",
+            100.0 * quality.share_over_limit,
+            place(cut, face)
+        )
+    };
+    Check::at_most("flatten.stretch", quality.p999_log_scale, flat.stretch_limit, "", note)
+}
+
+fn mismatch_check(cut: &CutMesh, seams: &[SeamLengths]) -> Check {
+    let allowance = |it: &SeamLengths| MISMATCH.max(MISMATCH_SHARE * it.sides[0].max(it.sides[1]));
+    let share = |it: &SeamLengths| it.mismatch() / allowance(it);
+    let Some(worst) = seams.iter().max_by(|a, b| share(a).total_cmp(&share(b))) else {
+        return Check::at_most("seams.mismatch", 0.0, MISMATCH, "mm", "no seams");
+    };
+    let [p, q] = [0, 1].map(|side| {
+        let h = cut.seams[worst.label as usize - 1].sides[side][0];
+        &cut.pieces[cut.piece_of[cut.mesh.face(h)]].name
+    });
+    let note =
+        format!("worst seam {} between {p} and {q}: {:.3} and {:.3} mm", worst.label, worst.sides[0], worst.sides[1]);
+    Check::at_most("seams.mismatch", worst.mismatch(), allowance(worst), "mm", note)
+}

@@ -1,0 +1,227 @@
+//! Boundary-first flattening (Sawhney, Crane 2017) with the isometric boundary: log factor u = 0 on it, so that mating
+//! seams keep their length in space. One factorisation of the interior Laplacian serves everything.
+//!
+//! Notation: A the cotangent Laplacian (positive semidefinite) split into interior I and boundary B; K the angle defect
+//! of an interior vertex, k = π − Σ angles the exterior angle of a boundary vertex; l boundary edge lengths.
+use super::chart::{Chart, Metric};
+use crate::{
+    geom::Vec2,
+    mesh::{FaceId, HalfedgeId, VertexId},
+    numeric::sparse::{Cholesky, SparseError, SymmetricMatrix},
+};
+
+const NONE: u32 = u32::MAX;
+/// Least weight of an edge, as a share of the mean |weight|, when the true weights cannot be factored.
+const CLAMPED_WEIGHT: f64 = 1e-6;
+
+/// Why a chart cannot be flattened.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum FlattenError {
+    /// Not a disk: closed, or with several boundary loops.
+    #[error(
+        "the piece around face {face} is not a disk: it has {loops} boundary loops and Euler characteristic {euler}"
+    )]
+    NotADisk {
+        /// Its first face.
+        face: FaceId,
+        /// Boundary loops.
+        loops: usize,
+        /// V − E + F.
+        euler: i64,
+    },
+    /// The Laplacian could not be factored even with clamped weights.
+    #[error("the Laplacian of the piece around face {face} cannot be factored near vertex {vertex}: {source}")]
+    Laplacian {
+        /// First face of the piece.
+        face: FaceId,
+        /// Vertex of the failing row.
+        vertex: VertexId,
+        /// What the solver said.
+        source: SparseError,
+    },
+}
+
+/// The interior Laplacian of a chart, factored, and the log factors that follow from the isometric boundary.
+#[derive(Debug)]
+pub struct Flattener<'a> {
+    chart: &'a Chart,
+    metric: &'a Metric,
+    /// Row of each interior vertex; `NONE` on the boundary.
+    row: Vec<u32>,
+    /// The interior vertices.
+    interior: Vec<u32>,
+    factor: Cholesky,
+    clamp: f64,
+    log_factor: Vec<f64>,
+}
+
+impl<'a> Flattener<'a> {
+    /// Factors A_II and solves A_II u_I = −K_I. The chart may have any number of components and loops as long as each
+    /// component has a boundary. This alone tells the largest |u| of all pieces at once.
+    pub fn new(metric: &'a Metric, chart: &'a Chart) -> Result<Self, FlattenError> {
+        let mut row = vec![NONE; chart.vertex_count()];
+        let mut interior = Vec::new();
+        for v in (0..chart.vertex_count()).filter(|&v| !chart.on_boundary[v]) {
+            row[v] = interior.len() as u32;
+            interior.push(v as u32);
+        }
+        // Weights of either sign are right, but next to slivers rounding can cost definiteness: then all weights are
+        // raised to a small positive one, which makes the matrix an M-matrix.
+        let (clamp, factor) = match Cholesky::new(&laplacian(metric, chart, &row, interior.len(), f64::NEG_INFINITY)) {
+            Ok(factor) => (f64::NEG_INFINITY, factor),
+            Err(_) => {
+                let sum: f64 = chart.halfedges().map(|it| weight(metric, it.0).abs().min(1e3)).sum();
+                let clamp = CLAMPED_WEIGHT * sum / (3.0 * chart.faces.len() as f64);
+                let matrix = laplacian(metric, chart, &row, interior.len(), clamp);
+                let factor = Cholesky::new(&matrix).map_err(|source| {
+                    let (SparseError::NotPositiveDefinite { index } | SparseError::NotFinite { row: index, .. }) =
+                        source
+                    else {
+                        return FlattenError::Laplacian { face: chart.faces[0], vertex: chart.origin[0], source };
+                    };
+                    let vertex = chart.origin[interior[index] as usize];
+                    FlattenError::Laplacian { face: chart.faces[0], vertex, source }
+                })?;
+                (clamp, factor)
+            }
+        };
+        let mut out = Self { chart, metric, row, interior, factor, clamp, log_factor: vec![0.0; chart.vertex_count()] };
+        let sums = angle_sums(metric, chart);
+        let mut u: Vec<f64> = out.interior.iter().map(|&v| sums[v as usize] - std::f64::consts::TAU).collect();
+        out.factor.solve_in_place(&mut u);
+        for (&v, u) in out.interior.iter().zip(u) {
+            out.log_factor[v as usize] = u;
+        }
+        Ok(out)
+    }
+
+    /// Log conformal factor u per local vertex; 0 on the boundary.
+    pub fn log_factor(&self) -> &[f64] {
+        &self.log_factor
+    }
+
+    /// Largest |u|.
+    pub fn max_log_factor(&self) -> f64 {
+        self.log_factor.iter().fold(0.0, |max, u| u.abs().max(max))
+    }
+
+    /// Exterior angles of the flat boundary, k̃ = k + (A u)_B, per local vertex (0 in the interior). On a disk they sum
+    /// to 2π.
+    pub fn exterior_angles(&self) -> Vec<f64> {
+        let sums = angle_sums(self.metric, self.chart);
+        let mut out: Vec<f64> = (0..self.chart.vertex_count())
+            .map(|v| if self.chart.on_boundary[v] { std::f64::consts::PI - sums[v] } else { 0.0 })
+            .collect();
+        for (h, i, j) in self.chart.halfedges() {
+            let flux = self.weight(h) * (self.log_factor[i as usize] - self.log_factor[j as usize]);
+            for (v, sign) in [(i, 1.0), (j, -1.0)] {
+                if self.chart.on_boundary[v as usize] {
+                    out[v as usize] += sign * flux;
+                }
+            }
+        }
+        out
+    }
+
+    /// Plane coordinates per local vertex, mm: the best-fit closed curve with the new exterior angles (lengths changed
+    /// least in the sense of Σ (l̃ − l)² / l, section 5.3), then both coordinates extended harmonically.
+    pub fn flatten(&self) -> Result<Vec<Vec2>, FlattenError> {
+        if !self.chart.is_disk() {
+            return Err(FlattenError::NotADisk {
+                face: self.chart.faces[0],
+                loops: self.chart.loops.len(),
+                euler: self.chart.euler_characteristic(),
+            });
+        }
+        let mut uv = self.boundary_curve();
+        self.extend(&mut uv);
+        Ok(uv)
+    }
+
+    /// The flat boundary; the interior is left at 0.
+    pub fn boundary_curve(&self) -> Vec<Vec2> {
+        let exterior = self.exterior_angles();
+        let path = &self.chart.loops[0];
+        let mut angle = 0.0;
+        let tangents: Vec<Vec2> = path
+            .iter()
+            .map(|&(_, v)| {
+                angle += exterior[v as usize];
+                Vec2::new(f64::cos(angle), f64::sin(angle))
+            })
+            .collect();
+        let lengths: Vec<f64> = path.iter().map(|&(h, _)| self.metric.length[h]).collect();
+        // l̃ = l − diag(l) Tᵀ (T diag(l) Tᵀ)⁻¹ T l, T the 2 × B matrix of tangents.
+        let mut gap = Vec2::zeros();
+        let mut gram = nalgebra::Matrix2::zeros();
+        for (t, &l) in tangents.iter().zip(&lengths) {
+            gap += t * l;
+            gram += t * t.transpose() * l;
+        }
+        let correction = gram.try_inverse().map_or(Vec2::zeros(), |inverse| inverse * gap);
+        let mut uv = vec![Vec2::zeros(); self.chart.vertex_count()];
+        let mut at = Vec2::zeros();
+        for ((&(_, v), t), l) in path.iter().zip(&tangents).zip(&lengths) {
+            uv[v as usize] = at;
+            at += t * (l * (1.0 - t.dot(&correction)));
+        }
+        uv
+    }
+
+    /// Extends the boundary values of `uv` harmonically: A_II x_I = −A_IB x_B for both coordinates.
+    fn extend(&self, uv: &mut [Vec2]) {
+        let n = self.interior.len();
+        let mut columns = vec![0.0; 2 * n];
+        for (h, i, j) in self.chart.halfedges() {
+            let weight = self.weight(h);
+            for (from, to) in [(i, j), (j, i)] {
+                let row = self.row[to as usize];
+                if row != NONE && self.row[from as usize] == NONE {
+                    columns[row as usize] += weight * uv[from as usize].x;
+                    columns[n + row as usize] += weight * uv[from as usize].y;
+                }
+            }
+        }
+        self.factor.solve_in_place(&mut columns);
+        for (k, &v) in self.interior.iter().enumerate() {
+            uv[v as usize] = Vec2::new(columns[k], columns[n + k]);
+        }
+    }
+
+    fn weight(&self, h: HalfedgeId) -> f64 {
+        weight(self.metric, h).max(self.clamp)
+    }
+}
+
+/// Share of one face in the weight of an edge.
+fn weight(metric: &Metric, h: HalfedgeId) -> f64 {
+    0.5 * metric.cotangent[h]
+}
+
+/// A_II with every halfedge weight at least `clamp`.
+fn laplacian(metric: &Metric, chart: &Chart, row: &[u32], n: usize, clamp: f64) -> SymmetricMatrix {
+    let mut triplets = Vec::with_capacity(9 * chart.faces.len());
+    for (h, i, j) in chart.halfedges() {
+        let weight = weight(metric, h).max(clamp);
+        let (i, j) = (row[i as usize], row[j as usize]);
+        if i != NONE {
+            triplets.push((i, i, weight));
+        }
+        if j != NONE {
+            triplets.push((j, j, weight));
+        }
+        if i != NONE && j != NONE {
+            triplets.push((i, j, -weight));
+        }
+    }
+    SymmetricMatrix::from_triplets(n, &triplets)
+}
+
+/// Sum of the corner angles at each local vertex.
+fn angle_sums(metric: &Metric, chart: &Chart) -> Vec<f64> {
+    let mut sums = vec![0.0; chart.vertex_count()];
+    for (h, i, _) in chart.halfedges() {
+        sums[i as usize] += metric.angle[h];
+    }
+    sums
+}

@@ -1,0 +1,226 @@
+//! Laws of cutting and flattening, over shapes by property: developable or not, closed or not, with handles or without.
+use fabricate::{
+    geom::{Vec2, Vec3, outline::check_outline},
+    mesh::{FaceId, Field, HalfedgeId, TriMesh, VertexId, shapes},
+    model::{CutMesh, DevelopableMesh, Flattening},
+    numeric::Monitor,
+    stages::{
+        cut::{self, cut},
+        flatten::{flatten, quality, seam_lengths},
+    },
+};
+
+fn options(stretch: f64) -> cut::Options {
+    cut::Options { stretch, tolerance: None, clearance: 0.002, least_opening: 1e-3 }
+}
+
+fn developable(mesh: TriMesh) -> DevelopableMesh {
+    let energy = Field::filled(mesh.vertex_count(), 0.0);
+    DevelopableMesh { mesh, energy, max_deviation: 0.0, rounds: vec![] }
+}
+
+fn run(mesh: TriMesh, stretch: f64) -> (DevelopableMesh, CutMesh, Flattening) {
+    let input = developable(mesh);
+    let cut = cut(&input, &options(stretch), &Monitor::silent()).unwrap();
+    let flat = flatten(&cut, stretch, &Monitor::silent()).unwrap();
+    (input, cut, flat)
+}
+
+/// A closed genus-0 body with bumps and dents.
+fn potato(level: usize) -> TriMesh {
+    let ball = shapes::icosphere(60.0, level);
+    let bumpy = |p: &Vec3| {
+        let d = p / 60.0;
+        p * (1.0 + 0.25 * (3.0 * d.x + 1.0).sin() * (2.5 * d.y).cos() + 0.15 * (4.0 * d.z).sin())
+    };
+    ball.with_positions(Field::from_vec(ball.positions().iter().map(bumpy).collect()))
+}
+
+fn exactly_developable() -> Vec<(&'static str, TriMesh)> {
+    vec![
+        ("rectangle", shapes::grid(9, 7, 10.0)),
+        ("open cylinder", shapes::cylinder(30.0, 180.0, 24, 12)),
+        ("frustum", shapes::cone_frustum(60.0, 20.0, 90.0, 30, 8)),
+        ("annulus", shapes::annulus(20.0, 70.0, 32, 6)),
+        ("tangent developable", shapes::tangent_developable(30.0, 40.0, 0.8, [10.0, 60.0], 40, 5)),
+        ("cube", shapes::cuboid(Vec3::new(60.0, 60.0, 60.0), 4)),
+        ("box", shapes::cuboid(Vec3::new(90.0, 60.0, 30.0), 3)),
+    ]
+}
+
+fn curved() -> Vec<(&'static str, TriMesh)> {
+    vec![
+        ("sphere", shapes::icosphere(50.0, 3)),
+        ("potato", potato(3)),
+        ("torus", shapes::torus(50.0, 20.0, 30, 16)),
+        ("plate with three holes", shapes::perforated_plate(3, 20.0, 3)),
+        ("rounded box", shapes::rounded_cuboid(Vec3::new(90.0, 60.0, 40.0), 12.0, 3, 3)),
+    ]
+}
+
+/// What every cut mesh and flattening must keep, whatever the input.
+fn check_laws(name: &str, input: &DevelopableMesh, cut: &CutMesh, flat: &Flattening) {
+    let mesh = &cut.mesh;
+    assert_eq!(mesh.face_count(), input.mesh.face_count(), "{name}");
+    for h in mesh.halfedges() {
+        assert_eq!(cut.origin[mesh.tail(h)], input.mesh.tail(h), "{name}: faces keep their ids");
+        assert_eq!(mesh.position(mesh.tail(h)), input.mesh.position(input.mesh.tail(h)), "{name}");
+    }
+    // Pieces are the components, largest first, each a disk.
+    let (component, count) = mesh.components();
+    assert_eq!(count, cut.pieces.len(), "{name}");
+    assert_eq!(mesh.genus(), 0, "{name}");
+    assert_eq!(mesh.boundary_loops().len(), count, "{name}: every piece is a disk");
+    let mut areas = vec![0.0; count];
+    let mut component_of = vec![u32::MAX; count];
+    for f in mesh.faces() {
+        let piece = cut.piece_of[f].0 as usize;
+        areas[piece] += mesh.area(f);
+        assert!([u32::MAX, component[f]].contains(&component_of[piece]), "{name}");
+        component_of[piece] = component[f];
+    }
+    assert!(areas.windows(2).all(|w| w[0] >= w[1]), "{name}: largest first");
+    check_seams(name, input, cut);
+
+    let quality = quality(cut, flat);
+    assert!(quality.flipped.is_empty(), "{name}: {:?}", quality.flipped);
+    assert!(flat.overlaps.is_empty(), "{name}: {:?}", flat.overlaps);
+    assert!(flat.log_factor.iter().all(|u| u.abs() <= flat.stretch_limit), "{name}");
+    for boundary in mesh.boundary_loops() {
+        let outline: Vec<Vec2> = boundary.iter().map(|&h| flat.uv[mesh.tail(h)]).collect();
+        assert_eq!(check_outline(&[outline]), Ok(()), "{name}");
+    }
+    for seam in seam_lengths(cut, flat) {
+        assert!(seam.mismatch() <= 0.05_f64.max(0.002 * seam.sides[0]), "{name}: {seam:?}");
+    }
+}
+
+/// Every inner edge that was opened is in exactly one seam, its two halves k-th beside k-th, the first side in the order
+/// of travel and the second against it.
+fn check_seams(name: &str, input: &DevelopableMesh, cut: &CutMesh) {
+    let mesh = &cut.mesh;
+    let mut seen = Field::<HalfedgeId, bool>::filled(mesh.halfedge_count(), false);
+    for (k, seam) in cut.seams.iter().enumerate() {
+        assert_eq!(seam.label as usize, k + 1, "{name}");
+        let [left, right] = &seam.sides;
+        assert_eq!(left.len(), right.len(), "{name}");
+        for (&a, &b) in left.iter().zip(right) {
+            assert_eq!(input.mesh.twin(a), Some(b), "{name}");
+            for h in [a, b] {
+                assert!(mesh.twin(h).is_none() && !std::mem::replace(&mut seen[h], true), "{name}");
+            }
+        }
+        let pieces = |side: &[HalfedgeId]| {
+            side.iter().map(|&h| cut.piece_of[mesh.face(h)]).collect::<std::collections::BTreeSet<_>>()
+        };
+        assert!(pieces(left).len() == 1 && pieces(right).len() == 1, "{name}");
+        assert!(left.windows(2).all(|w| mesh.head(w[0]) == mesh.tail(w[1])), "{name}: along the left side");
+        assert!(right.windows(2).all(|w| mesh.tail(w[0]) == mesh.head(w[1])), "{name}: against the right side");
+    }
+    for h in mesh.halfedges() {
+        let opened = mesh.twin(h).is_none() && input.mesh.twin(h).is_some();
+        assert_eq!(seen[h], opened, "{name}");
+    }
+}
+
+#[test]
+fn exact_developables_lie_flat_without_stretch() {
+    for (name, mesh) in exactly_developable() {
+        let (input, cut, flat) = run(mesh, 0.002);
+        check_laws(name, &input, &cut, &flat);
+        let quality = quality(&cut, &flat);
+        assert!(quality.max_log_scale.0 <= 1e-6, "{name}: {:?}", quality.max_log_scale);
+        assert!(quality.max_principal_stretch <= 1e-6, "{name}: {:?}", quality.max_principal_stretch);
+        assert_eq!(cut.pieces.len(), 1, "{name} lies flat in one piece");
+    }
+}
+
+#[test]
+fn curved_surfaces_keep_the_limit() {
+    for (name, mesh) in curved() {
+        for stretch in [0.005, 0.05] {
+            let (input, cut, flat) = run(mesh.clone(), stretch);
+            check_laws(&format!("{name} at {stretch}"), &input, &cut, &flat);
+        }
+    }
+}
+
+#[test]
+fn more_stretch_needs_no_longer_seams() {
+    let length = |cut: &CutMesh| -> f64 {
+        cut.seams.iter().flat_map(|it| &it.sides[0]).map(|&h| cut.mesh.vector(h).norm()).sum()
+    };
+    let [tight, loose] = [0.002, 0.05].map(|stretch| length(&run(potato(3), stretch).1));
+    assert!(loose < 0.8 * tight, "{loose} against {tight}");
+}
+
+#[test]
+fn a_rectangle_is_not_cut_and_a_cylinder_once() {
+    assert!(run(shapes::grid(9, 7, 10.0), 0.005).1.seams.is_empty());
+    let (_, cut, _) = run(shapes::cylinder(30.0, 180.0, 24, 12), 0.005);
+    let length: f64 = cut.seams.iter().flat_map(|it| &it.sides[0]).map(|&h| cut.mesh.vector(h).norm()).sum();
+    assert_eq!(cut.seams.len(), 1);
+    assert!((length - 180.0).abs() < 1e-9, "{length}");
+}
+
+#[test]
+fn terminals_by_energy_lie_on_seams() {
+    let mut input = developable(shapes::grid(20, 20, 5.0));
+    let chosen: Vec<VertexId> = [150, 230, 310].map(VertexId).to_vec();
+    for &v in &chosen {
+        input.energy[v] = 0.1;
+    }
+    let asked = cut::Options { tolerance: Some(0.01), ..options(0.005) };
+    let cut = cut(&input, &asked, &Monitor::silent()).unwrap();
+    assert_eq!(cut.seam_vertices, 3);
+    assert_eq!(cut.tolerance, 0.01);
+}
+
+#[test]
+fn several_components_and_tiny_ones() {
+    // A sphere, a tetrahedron and a single triangle.
+    let ball = shapes::icosphere(20.0, 2);
+    let mut points = ball.positions().as_slice().to_vec();
+    let mut faces = ball.face_indices();
+    let mut add = |more: &[[f64; 3]], triangles: &[[u32; 3]]| {
+        let base = points.len() as u32;
+        points.extend(more.iter().map(|&[x, y, z]| Vec3::new(x, y, z)));
+        faces.extend(triangles.iter().map(|it| it.map(|i| base + i)));
+    };
+    let tetrahedron = [[90., 0., 0.], [100., 0., 0.], [95., 9., 0.], [95., 3., 8.]];
+    add(&tetrahedron, &[[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]);
+    add(&[[60., 0., 0.], [70., 0., 0.], [60., 10., 0.]], &[[0, 1, 2]]);
+    let (input, cut, flat) = run(TriMesh::new(points, &faces).unwrap(), 0.01);
+    check_laws("components", &input, &cut, &flat);
+    assert!(cut.pieces.len() >= 3);
+}
+
+#[test]
+fn the_same_on_any_number_of_threads() {
+    let result = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| run(potato(3), 0.01))
+    };
+    let (one, four) = (result(1), result(4));
+    assert!(one.1 == four.1 && one.2 == four.2);
+}
+
+#[test]
+fn interruption_is_passed_on() {
+    let stop = Monitor::new(&|| true, &|_, _| (), &|| 0.0);
+    let input = developable(potato(2));
+    assert!(matches!(cut(&input, &options(0.01), &stop), Err(cut::CutError::Cancelled(_))));
+}
+
+#[test]
+fn overlaps_and_flips_are_found() {
+    // A strip of squares laid back over itself, and one face turned over.
+    let mesh = shapes::grid(4, 1, 10.0);
+    let (input, cut, mut flat) = run(mesh, 0.01);
+    assert!(flat.overlaps.is_empty());
+    let fold = |p: Vec2| if p.x > 20.0 { Vec2::new(40.0 - p.x, p.y) } else { p };
+    flat.uv = Field::from_vec(input.mesh.positions().iter().map(|p| fold(Vec2::new(p.x, p.y))).collect());
+    let quality = quality(&cut, &flat);
+    assert_eq!(quality.flipped, [4, 5, 6, 7].map(FaceId));
+    assert_eq!(quality.max_log_scale.0, 0.0);
+}
