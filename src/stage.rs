@@ -42,6 +42,10 @@ impl Check {
     pub fn at_most(name: &str, value: f64, limit: f64, unit: &str, note: impl Into<String>) -> Self {
         Self { name: name.into(), ok: value <= limit, value, limit, unit: unit.into(), note: note.into() }
     }
+    /// A check that holds when `value >= limit`.
+    pub fn at_least(name: &str, value: f64, limit: f64, unit: &str, note: impl Into<String>) -> Self {
+        Self { ok: value >= limit, ..Self::at_most(name, value, limit, unit, note) }
+    }
 }
 
 /// What a stage says about its result: its tables of `report.json` and its checks.

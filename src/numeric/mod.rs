@@ -4,6 +4,7 @@
 pub mod lanes;
 mod monitor;
 pub mod optim;
+pub mod random;
 pub mod sparse;
 pub mod symmetric3;
 
