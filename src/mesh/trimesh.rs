@@ -67,12 +67,10 @@ pub enum MeshError {
         place: Vec3,
     },
     /// The faces around a vertex do not form one fan.
-    #[error("vertex {vertex} at ({:.6}, {:.6}, {:.6}) joins {fans} separate fans of faces (non-manifold vertex)", place.x, place.y, place.z)]
+    #[error("vertex {vertex} at ({:.6}, {:.6}, {:.6}) joins separate fans of faces (non-manifold vertex)", place.x, place.y, place.z)]
     NonManifoldVertex {
         /// The vertex.
         vertex: usize,
-        /// Number of fans.
-        fans: usize,
         /// Its position.
         place: Vec3,
     },
@@ -95,19 +93,20 @@ pub struct TriMesh {
 }
 
 impl TriMesh {
+    /// Most faces of a mesh: three halfedges per face must fit in 32 bits with one number to spare.
+    pub const LIMIT: usize = 1 << 30;
+
     /// Builds and validates. O(F log F).
     pub fn new(positions: Vec<Vec3>, faces: &[[u32; 3]]) -> Result<Self, MeshError> {
         check_arrays(&positions, faces)?;
         for (face, corners) in faces.iter().enumerate() {
             let [a, b, c] = corners.map(|i| positions[i as usize]);
-            let longest = (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
-            let doubled = (b - a).cross(&(c - a)).norm();
-            if !(doubled > DEGENERATE * longest) {
+            if is_degenerate([a, b, c]) {
                 return Err(MeshError::DegenerateFace { face, corners: *corners, place: (a + b + c) / 3.0 });
             }
         }
-        let tails: Vec<VertexId> = faces.iter().flatten().map(|&i| VertexId(i)).collect();
-        let twins = pair_halfedges(&positions, &tails)?;
+        let tails: Vec<VertexId> = faces.as_flattened().iter().map(|&i| VertexId(i)).collect();
+        let twins = pair_halfedges(&positions, faces)?;
         let (edges, edge_of) = number_edges(&twins);
         let outgoing = fans(&positions, &tails, &twins)?;
         Ok(Self { positions: Field::from_vec(positions), tails, twins, outgoing, edges, edge_of })
@@ -152,7 +151,7 @@ impl TriMesh {
     }
     /// The previous halfedge of the same face.
     pub fn previous(&self, h: HalfedgeId) -> HalfedgeId {
-        HalfedgeId(if h.0 % 3 == 0 { h.0 + 2 } else { h.0 - 1 })
+        HalfedgeId(if h.0.is_multiple_of(3) { h.0 + 2 } else { h.0 - 1 })
     }
     /// The opposite halfedge, or `None` on the boundary.
     pub fn twin(&self, h: HalfedgeId) -> Option<HalfedgeId> {
@@ -368,13 +367,11 @@ impl TriMesh {
 
 /// Indices in range, positions finite, no unreferenced vertex, no repeated corner.
 fn check_arrays(positions: &[Vec3], faces: &[[u32; 3]]) -> Result<(), MeshError> {
-    /// Three halfedges per face must fit in 32 bits with `NONE` to spare.
-    const LIMIT: usize = 1 << 30;
     if faces.is_empty() {
         return Err(MeshError::Empty);
     }
-    if faces.len() > LIMIT {
-        return Err(MeshError::TooLarge { faces: faces.len(), limit: LIMIT });
+    if faces.len() > TriMesh::LIMIT {
+        return Err(MeshError::TooLarge { faces: faces.len(), limit: TriMesh::LIMIT });
     }
     if let Some((vertex, &position)) = positions.iter().enumerate().find(|(_, p)| !p.iter().all(|c| c.is_finite())) {
         return Err(MeshError::NotFinite { vertex, position });
@@ -398,30 +395,41 @@ fn check_arrays(positions: &[Vec3], faces: &[[u32; 3]]) -> Result<(), MeshError>
     }
 }
 
+/// Whether a triangle has no area to the accuracy at which angles and normals can be computed.
+pub(super) fn is_degenerate([a, b, c]: [Vec3; 3]) -> bool {
+    let longest = (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
+    let doubled = (b - a).cross(&(c - a)).norm();
+    doubled <= DEGENERATE * longest || doubled.is_nan()
+}
+
+/// The undirected edge (smaller vertex first) and the id of every halfedge, sorted. `tails` holds three vertices per face.
+pub(super) fn sorted_edges(tails: &[u32]) -> Vec<([u32; 2], u32)> {
+    let edge = |h: usize| {
+        let (a, b) = (tails[h], tails[if h % 3 == 2 { h - 2 } else { h + 1 }]);
+        ([a.min(b), a.max(b)], h as u32)
+    };
+    let mut edges: Vec<_> = (0..tails.len()).map(edge).collect();
+    edges.sort_unstable();
+    edges
+}
+
 /// Twin of every halfedge, by sorting on the undirected edge.
-fn pair_halfedges(positions: &[Vec3], tails: &[VertexId]) -> Result<Vec<u32>, MeshError> {
-    let head = |h: usize| tails[if h % 3 == 2 { h - 2 } else { h + 1 }].0;
-    let mut order: Vec<(u32, u32, u32)> = (0..tails.len())
-        .map(|h| {
-            let (a, b) = (tails[h].0, head(h));
-            (a.min(b), a.max(b), h as u32)
-        })
-        .collect();
-    order.sort_unstable();
+fn pair_halfedges(positions: &[Vec3], faces: &[[u32; 3]]) -> Result<Vec<u32>, MeshError> {
+    let tails = faces.as_flattened();
     let mut twins = vec![NONE; tails.len()];
-    for run in order.chunk_by(|x, y| (x.0, x.1) == (y.0, y.1)) {
+    for run in sorted_edges(tails).chunk_by(|x, y| x.0 == y.0) {
         match *run {
             [_] => {}
-            [(_, _, g), (_, _, h)] if tails[g as usize] != tails[h as usize] => {
+            [(_, g), (_, h)] if tails[g as usize] != tails[h as usize] => {
                 twins[g as usize] = h;
                 twins[h as usize] = g;
             }
             _ => {
-                let (a, b, _) = run[0];
+                let edge = run[0].0;
                 return Err(MeshError::NonManifoldEdge {
-                    edge: [a, b],
-                    faces: run.iter().map(|it| it.2 as usize / 3).collect(),
-                    place: (positions[a as usize] + positions[b as usize]) / 2.0,
+                    edge,
+                    faces: run.iter().map(|it| it.1 as usize / 3).collect(),
+                    place: (positions[edge[0] as usize] + positions[edge[1] as usize]) / 2.0,
                 });
             }
         }
@@ -449,60 +457,19 @@ fn number_edges(twins: &[u32]) -> (Field<EdgeId, HalfedgeId>, Vec<EdgeId>) {
 /// One outgoing halfedge per vertex, the boundary one on the boundary; refuses vertices with several fans.
 fn fans(positions: &[Vec3], tails: &[VertexId], twins: &[u32]) -> Result<Field<VertexId, HalfedgeId>, MeshError> {
     let mut outgoing = Field::<VertexId, _>::filled(positions.len(), HalfedgeId(NONE));
-    let mut degree = vec![0_u32; positions.len()];
+    let mut degree = vec![0_usize; positions.len()];
     for (h, &tail) in tails.iter().enumerate() {
         degree[tail.index()] += 1;
         if outgoing[tail].0 == NONE || (twins[h] == NONE && twins[outgoing[tail].index()] != NONE) {
             outgoing[tail] = HalfedgeId::new(h);
         }
     }
-    let walk = |first: u32, seen: &mut dyn FnMut(u32)| {
-        let mut at = first;
-        loop {
-            seen(at);
-            let back = if at.is_multiple_of(3) { at + 2 } else { at - 1 };
-            at = twins[back as usize];
-            if at == NONE || at == first {
-                break;
-            }
-        }
-    };
-    for v in 0..positions.len() {
-        let mut count = 0;
-        walk(outgoing.as_slice()[v].0, &mut |_| count += 1);
-        if count != degree[v] {
-            return Err(MeshError::NonManifoldVertex {
-                vertex: v,
-                fans: count_fans(v as u32, tails, &walk),
-                place: positions[v],
-            });
+    for (v, &HalfedgeId(first)) in outgoing.enumerate() {
+        let around = |&h: &u32| Some(twins[if h.is_multiple_of(3) { h + 2 } else { h - 1 } as usize]);
+        let fan = std::iter::successors(Some(first), |h| around(h).filter(|&it| it != NONE && it != first)).count();
+        if fan != degree[v.index()] {
+            return Err(MeshError::NonManifoldVertex { vertex: v.index(), place: positions[v.index()] });
         }
     }
     Ok(outgoing)
-}
-
-fn count_fans(v: u32, tails: &[VertexId], walk: &dyn Fn(u32, &mut dyn FnMut(u32))) -> usize {
-    let mut fan_of = std::collections::BTreeMap::new();
-    let own: Vec<u32> = (0..tails.len() as u32).filter(|&h| tails[h as usize].0 == v).collect();
-    // A walk that starts inside a bounded fan sees only its tail end, so the largest walk to reach a halfedge names it.
-    let mut starts: Vec<(usize, u32)> = own
-        .iter()
-        .map(|&h| {
-            let mut n = 0;
-            walk(h, &mut |_| n += 1);
-            (n, h)
-        })
-        .collect();
-    starts.sort_unstable_by(|a, b| b.cmp(a));
-    let mut fans = 0;
-    for (_, start) in starts {
-        if fan_of.contains_key(&start) {
-            continue;
-        }
-        walk(start, &mut |h| {
-            fan_of.insert(h, fans);
-        });
-        fans += 1;
-    }
-    fans
 }

@@ -204,32 +204,47 @@ fn sniff(bytes: &[u8]) -> Option<Format> {
 /// Collects what a reader finds, checks indices and triangulates.
 #[derive(Default)]
 struct Builder {
-    soup: Soup,
+    positions: Vec<Vec3>,
+    corners: Vec<u32>,
+    /// Where each polygon ends in `corners`.
+    ends: Vec<usize>,
 }
 
 impl Builder {
-    /// Adds a polygon; `place` is where it stands in the file. All vertices must have been added before.
-    fn polygon(&mut self, place: Place, corners: &[i64]) -> Result<(), Malformed> {
-        let count = self.soup.positions.len();
-        let outside = |&&it: &&i64| !usize::try_from(it).is_ok_and(|it| it < count);
-        if let Some(index) = corners.iter().find(outside) {
-            let problem = match count {
-                0 => format!("a face names vertex {index}, but the file holds no vertices"),
-                _ => format!("a face names vertex {index}, but the vertices are 0 to {}", count - 1),
-            };
-            return Err(Malformed::new(place, problem, REEXPORT));
-        }
-        let corners: Vec<u32> = corners.iter().map(|&it| it as u32).collect();
-        polygon::triangulate(&self.soup.positions, &corners, &mut self.soup.faces)
-            .map_err(|problem| Malformed::new(place, problem, "triangulate the mesh in the program that it comes from"))
-    }
-
     fn vertex(&mut self, [x, y, z]: [f64; 3]) -> Result<(), Malformed> {
-        if self.soup.positions.len() == u32::MAX as usize {
+        if self.positions.len() == u32::MAX as usize {
             return Err(Malformed::new(Place::File, "there are more than 2^32 vertices", "simplify the mesh first"));
         }
-        self.soup.positions.push(Vec3::new(x, y, z));
+        self.positions.push(Vec3::new(x, y, z));
         Ok(())
+    }
+
+    /// Adds a polygon; `place` is where it stands in the file. All vertices must have been added before.
+    fn polygon(&mut self, place: Place, corners: &[i64]) -> Result<(), Malformed> {
+        let count = self.positions.len();
+        if corners.len() > polygon::LIMIT {
+            let problem = format!("a face has {} corners, more than {}", corners.len(), polygon::LIMIT);
+            return Err(Malformed::new(place, problem, "triangulate the mesh in the program that it comes from"));
+        }
+        for &index in corners {
+            if !usize::try_from(index).is_ok_and(|it| it < count) {
+                let problem = match count {
+                    0 => format!("a face names vertex {index}, but the file holds no vertices"),
+                    _ => format!("a face names vertex {index}, but the vertices are 0 to {}", count - 1),
+                };
+                return Err(Malformed::new(place, problem, REEXPORT));
+            }
+            self.corners.push(index as u32);
+        }
+        self.ends.push(self.corners.len());
+        Ok(())
+    }
+
+    fn finish(self) -> Soup {
+        let starts = std::iter::once(0).chain(self.ends.iter().copied());
+        let polygons = starts.zip(&self.ends).map(|(start, &end)| &self.corners[start..end]);
+        let faces = polygon::triangulate(&self.positions, polygons);
+        Soup { positions: self.positions, faces }
     }
 }
 

@@ -48,7 +48,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Soup, Malformed> {
         let corners: Vec<i64> = corners.iter().map(|&it| i64::from(it)).collect();
         builder.polygon(Place::Line(line), &corners)?;
     }
-    Ok(builder.soup)
+    Ok(builder.finish())
 }
 
 fn gather(text: &str) -> Result<Script, Malformed> {

@@ -65,7 +65,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Soup, Malformed> {
         }
         builder.polygon(Place::Line(line), &corners)?;
     }
-    Ok(builder.soup)
+    Ok(builder.finish())
 }
 
 fn number<T: std::str::FromStr>(words: &mut SplitWhitespace<'_>, line: usize, what: &str) -> Result<T, Malformed> {

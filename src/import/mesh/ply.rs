@@ -108,7 +108,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Soup, Malformed> {
     for (index, face) in faces.iter().enumerate() {
         builder.polygon(Place::Element("face", index), &face.corners)?;
     }
-    Ok(builder.soup)
+    Ok(builder.finish())
 }
 
 /// Replaces what is not ASCII in the header (names in comments), which the parser would refuse.

@@ -1,60 +1,88 @@
 //! Triangulates the polygons that a mesh file holds.
-use std::f64::consts::FRAC_PI_2;
+use std::collections::BTreeSet;
 
 use crate::geom::{Vec2, Vec3, cross2};
 
 /// Most corners of a polygon; ear clipping takes quadratic time.
-const LIMIT: usize = 4096;
+pub(super) const LIMIT: usize = 4096;
 
-/// Splits a polygon into triangles of the same orientation and appends them to `faces`: quads by the shorter diagonal that
-/// stays inside, larger ones by clipping the best-shaped ear of their projection along Newell's normal.
+/// Splits polygons into triangles of the same orientation, in order: quads by the shorter diagonal that stays inside,
+/// larger ones by clipping the best-shaped ear of their projection along Newell's normal.
 ///
+/// No diagonal is taken twice or along an edge of another polygon while there is a choice: two quads around a vertex of
+/// valence 2 share both ends of a diagonal, and if both took it the mesh would lose its manifoldness.
 /// Repeated neighbouring corners are dropped; what then has fewer than three becomes one triangle with a repeated corner,
-/// for the repair to remove and report. Indices must be in range.
-pub(super) fn triangulate(positions: &[Vec3], corners: &[u32], faces: &mut Vec<[u32; 3]>) -> Result<(), String> {
-    if let [a, b, c] = *corners {
-        faces.push([a, b, c]);
-        return Ok(());
+/// for the repair to remove and report. Indices must be in range and no polygon larger than [`LIMIT`].
+pub(super) fn triangulate<'a>(positions: &[Vec3], polygons: impl Iterator<Item = &'a [u32]> + Clone) -> Vec<[u32; 3]> {
+    let mut faces = Vec::new();
+    let mut taken = BTreeSet::new();
+    if polygons.clone().any(|it| it.len() > 3) {
+        taken.extend(
+            polygons.clone().flat_map(|ring| (0..ring.len()).map(|k| edge(ring[k], ring[(k + 1) % ring.len()]))),
+        );
     }
-    let mut ring = corners.to_vec();
-    ring.dedup();
-    while ring.len() > 1 && ring.first() == ring.last() {
-        ring.pop();
+    for corners in polygons {
+        if let [a, b, c] = *corners {
+            faces.push([a, b, c]);
+            continue;
+        }
+        let mut ring = corners.to_vec();
+        ring.dedup();
+        while ring.len() > 1 && ring.first() == ring.last() {
+            ring.pop();
+        }
+        match *ring {
+            [] => {}
+            [a] => faces.push([a; 3]),
+            [a, b] => faces.push([a, b, b]),
+            [a, b, c] => faces.push([a, b, c]),
+            [a, b, c, d] => faces.extend(split_quad([a, b, c, d], |v| positions[v as usize], &mut taken)),
+            _ => clip_ears(positions, &ring, &mut taken, &mut faces),
+        }
     }
-    match *ring {
-        [] => {}
-        [a] => faces.push([a; 3]),
-        [a, b] => faces.push([a, b, b]),
-        [a, b, c] => faces.push([a, b, c]),
-        [a, b, c, d] => faces.extend(split_quad([a, b, c, d], |v| positions[v as usize])),
-        _ if ring.len() > LIMIT => return Err(format!("a face has {} corners, more than {LIMIT}", ring.len())),
-        _ => clip_ears(positions, &ring, faces),
-    }
-    Ok(())
+    faces
 }
 
-fn split_quad(corners: [u32; 4], at: impl Fn(u32) -> Vec3) -> [[u32; 3]; 2] {
+fn edge(a: u32, b: u32) -> [u32; 2] {
+    [a.min(b), a.max(b)]
+}
+
+fn split_quad(corners: [u32; 4], at: impl Fn(u32) -> Vec3, taken: &mut BTreeSet<[u32; 2]>) -> [[u32; 3]; 2] {
     let [a, b, c, d] = corners;
     let normal = |t: [u32; 3]| (at(t[1]) - at(t[0])).cross(&(at(t[2]) - at(t[0])));
-    let choices = [[[a, b, c], [a, c, d]], [[a, b, d], [b, c, d]]];
+    let choices = [(edge(a, c), [[a, b, c], [a, c, d]]), (edge(b, d), [[a, b, d], [b, c, d]])];
     // A diagonal outside a concave quad folds one triangle over the other.
-    let inside = choices.map(|[s, t]| normal(s).dot(&normal(t)) > 0.0);
-    let first = if inside[0] == inside[1] { (at(c) - at(a)).norm() <= (at(d) - at(b)).norm() } else { inside[0] };
-    choices[usize::from(!first)]
+    let [first, second] = choices.map(|(diagonal, [s, t])| {
+        let length = (at(diagonal[0]) - at(diagonal[1])).norm();
+        (taken.contains(&diagonal), normal(s).dot(&normal(t)) <= 0.0, length)
+    });
+    let (diagonal, triangles) = choices[usize::from(second < first)];
+    taken.insert(diagonal);
+    triangles
 }
 
-fn clip_ears(positions: &[Vec3], ring: &[u32], faces: &mut Vec<[u32; 3]>) {
+fn clip_ears(positions: &[Vec3], ring: &[u32], taken: &mut BTreeSet<[u32; 2]>, faces: &mut Vec<[u32; 3]>) {
     let plane = project(positions, ring);
+    let around = |left: &[usize], k: usize| {
+        let n = left.len();
+        [left[(k + n - 1) % n], left[k], left[(k + 1) % n]]
+    };
+    let worth = |left: &[usize], k: usize, taken: &BTreeSet<[u32; 2]>| {
+        let ids = around(left, k);
+        ear_worth(&plane, left, ids, taken.contains(&edge(ring[ids[0]], ring[ids[2]])))
+    };
     let mut left: Vec<usize> = (0..ring.len()).collect();
-    let mut worth: Vec<f64> = (0..ring.len()).map(|k| ear_worth(&plane, &left, k)).collect();
+    let mut worths: Vec<Worth> = (0..ring.len()).map(|k| worth(&left, k, taken)).collect();
     while left.len() > 3 {
         let n = left.len();
-        let best = (0..n).fold(0, |best, k| if worth[k] > worth[best] { k } else { best });
-        faces.push([left[(best + n - 1) % n], left[best], left[(best + 1) % n]].map(|i| ring[i]));
+        let best = (0..n).fold(0, |best, k| if worths[k] > worths[best] { k } else { best });
+        let ear = around(&left, best).map(|i| ring[i]);
+        faces.push(ear);
+        taken.insert(edge(ear[0], ear[2]));
         left.remove(best);
-        worth.remove(best);
+        worths.remove(best);
         for k in [(best + n - 2) % (n - 1), best % (n - 1)] {
-            worth[k] = ear_worth(&plane, &left, k);
+            worths[k] = worth(&left, k, taken);
         }
     }
     faces.push([left[0], left[1], left[2]].map(|i| ring[i]));
@@ -70,31 +98,42 @@ fn project(positions: &[Vec3], ring: &[u32]) -> Vec<Vec2> {
     (0..ring.len()).map(|k| Vec2::new(u.dot(&(at(k) - at(0))), v.dot(&(at(k) - at(0))))).collect()
 }
 
-/// How good it is to clip corner `k`: true ears by their shape in [0, 1], then corners that hold others, then reflex ones,
-/// so that a polygon without an ear (self-intersecting, far from planar) is still split somehow.
-fn ear_worth(plane: &[Vec2], left: &[usize], k: usize) -> f64 {
-    let n = left.len();
-    let ids = [left[(k + n - 1) % n], left[k], left[(k + 1) % n]];
+/// How good it is to clip a corner: its kind, then its shape in [−1, 1].
+type Worth = (Corner, f64);
+
+/// Kinds of corner from bad to good, so that a polygon without an ear (self-intersecting, far from planar) is still split.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
+enum Corner {
+    NotFinite,
+    Reflex,
+    HoldsOthers,
+    DiagonalTaken,
+    Ear,
+}
+
+/// `ids` are a corner, preceded and followed by its neighbours.
+fn ear_worth(plane: &[Vec2], left: &[usize], ids: [usize; 3], taken: bool) -> Worth {
     let [a, b, c] = ids.map(|i| plane[i]);
     let area = cross2(b - a, c - a);
     let longest = (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
     let shape = area / longest;
     if !shape.is_finite() {
-        return -4.0;
+        return (Corner::NotFinite, 0.0);
     }
     if shape <= 0.0 {
-        return -FRAC_PI_2 + shape;
+        return (Corner::Reflex, shape);
     }
-    let holds = |p: Vec2| {
-        p != a
-            && p != b
-            && p != c
-            && cross2(b - a, p - a) >= 0.0
-            && cross2(c - b, p - b) >= 0.0
-            && cross2(a - c, p - c) >= 0.0
+    let inside = |p: Vec2| {
+        let corner = p == a || p == b || p == c;
+        !corner && cross2(b - a, p - a) >= 0.0 && cross2(c - b, p - b) >= 0.0 && cross2(a - c, p - c) >= 0.0
     };
-    let empty = !left.iter().any(|i| !ids.contains(i) && holds(plane[*i]));
-    if empty { shape } else { shape - 1.0 }
+    if left.iter().any(|i| !ids.contains(i) && inside(plane[*i])) {
+        (Corner::HoldsOthers, shape)
+    } else if taken {
+        (Corner::DiagonalTaken, shape)
+    } else {
+        (Corner::Ear, shape)
+    }
 }
 
 #[cfg(test)]
@@ -114,9 +153,8 @@ mod tests {
     }
 
     fn split(points: &[Vec3]) -> Vec<[u32; 3]> {
-        let mut faces = Vec::new();
-        triangulate(points, &(0..points.len() as u32).collect::<Vec<_>>(), &mut faces).unwrap();
-        faces
+        let ring: Vec<u32> = (0..points.len() as u32).collect();
+        triangulate(points, std::iter::once(&ring[..]))
     }
 
     #[test]
@@ -162,11 +200,18 @@ mod tests {
         assert_eq!(split(&nan).len(), 7);
         let point = vec![Vec3::zeros(); 9];
         assert_eq!(split(&point).len(), 7);
-        let mut faces = Vec::new();
-        for corners in [&[0][..], &[0, 1], &[0, 0, 1, 1], &[2, 2, 2, 2, 2]] {
-            triangulate(&point, corners, &mut faces).unwrap();
-        }
-        assert_eq!(faces, [[0, 0, 0], [0, 1, 1], [0, 1, 1], [2, 2, 2]]);
-        assert!(triangulate(&point, &(0..5000).map(|k| k % 9).collect::<Vec<_>>(), &mut faces).is_err());
+        let few: [&[u32]; 5] = [&[], &[0], &[0, 1], &[0, 0, 1, 1], &[2, 2, 2, 2, 2]];
+        assert_eq!(triangulate(&point, few.into_iter()), [[0, 0, 0], [0, 1, 1], [0, 1, 1], [2, 2, 2]]);
+    }
+
+    #[test]
+    fn quads_around_a_vertex_of_valence_two_do_not_share_a_diagonal() {
+        // A ridge over the line from 0 to 2, which is the shorter diagonal of both quads.
+        let mut points = flat(&[[0.0, 0.0], [0.5, -3.0], [1.0, 0.0], [0.5, 3.0], [0.5, 0.0]]);
+        (points[1].z, points[3].z, points[4].z) = (-1.0, -1.0, 1.0);
+        let rings: [&[u32]; 2] = [&[0, 1, 2, 4], &[0, 4, 2, 3]];
+        assert_eq!(triangulate(&points, rings[..1].iter().copied()), [[0, 1, 2], [0, 2, 4]]);
+        assert_eq!(triangulate(&points, rings[1..].iter().copied()), [[0, 4, 2], [0, 2, 3]]);
+        assert_eq!(triangulate(&points, rings.into_iter()), [[0, 1, 2], [0, 2, 4], [0, 4, 3], [4, 2, 3]]);
     }
 }

@@ -93,7 +93,7 @@ fn collect(data: &[u8], place: &dyn Fn(usize) -> Place) -> Result<Soup, Malforme
         for (corner, vertex) in corners.iter_mut().zip(triangle.vertices) {
             // Adding 0 turns -0 into 0.
             let key = vertex.0.map(|it| (it + 0.0).to_bits());
-            let fresh = builder.soup.positions.len() as i64;
+            let fresh = builder.positions.len() as i64;
             *corner = *ids.entry(key).or_insert(fresh);
             if *corner == fresh {
                 builder.vertex(vertex.0.map(|it| f64::from(it + 0.0)))?;
@@ -101,5 +101,5 @@ fn collect(data: &[u8], place: &dyn Fn(usize) -> Place) -> Result<Soup, Malforme
         }
         builder.polygon(place(index), &corners)?;
     }
-    Ok(builder.soup)
+    Ok(builder.finish())
 }
