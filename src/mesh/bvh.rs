@@ -96,6 +96,15 @@ struct Best {
     barycentric: [f64; 3],
 }
 
+impl Best {
+    /// Nothing yet, and nothing farther than `max` will do.
+    fn within(max: f64) -> Self {
+        // The comparison is false for NaN too, which then finds nothing.
+        let squared = if max >= 0.0 { (max * max).min(f64::MAX) } else { -1.0 };
+        Self { squared, slot: None, barycentric: [1.0, 0.0, 0.0] }
+    }
+}
+
 /// Bounding volume hierarchy over the faces of a mesh. Holds copies of the corners, so the mesh may move on;
 /// [`Bvh::refit`] follows it.
 #[derive(Debug, Clone)]
@@ -175,7 +184,7 @@ impl Bvh {
     /// The closest point to `p`. If `p` is not finite, or its squared distance overflows, the answer is on face 0.
     pub fn closest(&self, p: Vec3) -> Closest {
         let mut best = Best { squared: f64::MAX, slot: None, barycentric: [1.0, 0.0, 0.0] };
-        self.search(&p, &mut best);
+        self.search(&p, &mut best, false);
         self.answer(p, best.slot.unwrap_or(self.slots[0] as usize), best.barycentric)
     }
 
@@ -185,17 +194,23 @@ impl Bvh {
         let slot = self.slots[hint.index()] as usize;
         let mut best = Best { squared: f64::MAX, slot: Some(slot), barycentric: [1.0, 0.0, 0.0] };
         self.try_triangle(&p, slot, &mut best);
-        self.search(&p, &mut best);
+        self.search(&p, &mut best, false);
         self.answer(p, best.slot.unwrap_or(slot), best.barycentric)
     }
 
     /// The closest point to `p` if its distance is at most `max`. Faster than [`Bvh::closest`] for a tight bound.
     pub fn closest_within(&self, p: Vec3, max: f64) -> Option<Closest> {
-        // The comparison is false for NaN too, which then finds nothing.
-        let limit = if max >= 0.0 { (max * max).min(f64::MAX) } else { -1.0 };
-        let mut best = Best { squared: limit, slot: None, barycentric: [1.0, 0.0, 0.0] };
-        self.search(&p, &mut best);
+        let mut best = Best::within(max);
+        self.search(&p, &mut best, false);
         best.slot.map(|slot| self.answer(p, slot, best.barycentric))
+    }
+
+    /// Whether some point of the mesh is at most `max` from `p`. Stops at the first such triangle, so it is much faster than
+    /// finding the closest point when there are many.
+    pub fn is_within(&self, p: Vec3, max: f64) -> bool {
+        let mut best = Best::within(max);
+        self.search(&p, &mut best, true);
+        best.slot.is_some()
     }
 
     /// [`Bvh::closest`] for many points, in parallel; the answers are in the order of the points.
@@ -225,8 +240,8 @@ impl Bvh {
         }
     }
 
-    /// Depth first, nearest child first.
-    fn search(&self, p: &Vec3, best: &mut Best) {
+    /// Depth first, nearest child first; `any` is content with the first triangle that is near enough.
+    fn search(&self, p: &Vec3, best: &mut Best, any: bool) {
         let mut stack = [(0.0, Child { start: 0, count: 0 }); STACK];
         let mut top = 1;
         while top > 0 {
@@ -238,6 +253,9 @@ impl Bvh {
             if count > 0 {
                 for slot in start..start + count {
                     self.try_triangle(p, slot as usize, best);
+                }
+                if any && best.slot.is_some() {
+                    return;
                 }
                 continue;
             }
@@ -335,7 +353,9 @@ mod tests {
             }
             let above = expected * (1.0 + 1e-9) + 1e-12;
             assert!(bvh.closest_within(*p, above).is_some_and(|it| (it.distance - found.distance).abs() < 1e-15));
-            assert_eq!(bvh.closest_within(*p, expected * (1.0 - 1e-9) - 1e-12), None);
+            let below = expected * (1.0 - 1e-9) - 1e-12;
+            assert_eq!(bvh.closest_within(*p, below), None);
+            assert!(bvh.is_within(*p, above) && !bvh.is_within(*p, below));
         }
     }
 

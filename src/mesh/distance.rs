@@ -184,6 +184,25 @@ pub fn violations(
     Ok(found)
 }
 
+/// Whether no point of a triangle is farther than `limit` from the surface of `to`: proven if true; if false, some point is
+/// farther than `(1 - resolution) * limit`.
+pub fn is_within(corners: [Vec3; 3], to: &Bvh, limit: f64, resolution: f64) -> bool {
+    let center = corners.iter().sum::<Vec3>() / 3.0;
+    let radius = corners.iter().map(|c| (c - center).norm_squared()).fold(0.0, f64::max).sqrt();
+    // The common case, without finding the closest point.
+    to.is_within(center, limit - radius)
+        || is_piece_within(&Piece::new(corners, FaceId(0), to, None), to, limit, resolution)
+}
+
+fn is_piece_within(piece: &Piece, to: &Bvh, limit: f64, resolution: f64) -> bool {
+    if piece.upper <= limit || piece.distance > (1.0 - resolution) * limit {
+        return piece.upper <= limit;
+    }
+    // A piece that small has `upper <= distance + radius <= limit` but for rounding, so the depth is bounded.
+    piece.radius > resolution / 2.0 * limit
+        && piece.split(to).iter().all(|part| is_piece_within(part, to, limit, resolution))
+}
+
 /// A triangle inside a face, with what is known about its distance to the other surface.
 #[derive(Debug, Clone, Copy)]
 struct Piece {
@@ -363,6 +382,20 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn single_triangles_are_judged_like_whole_meshes() {
+        let (from, to) = (graph(6, wave), graph(17, |x, y| wave(x, y) + 0.05 * (9.0 * x).cos()));
+        let bvh = Bvh::new(&to);
+        for limit in [0.02, 0.05, 0.1] {
+            let bad: Vec<_> = violations(&from, &bvh, limit, 0.01, &Monitor::silent()).unwrap();
+            for f in from.faces() {
+                let within = is_within(from.face_positions(f), &bvh, limit, 0.01);
+                assert_eq!(within, bad.iter().all(|it| it.face != f), "{f}");
+            }
+        }
+        assert!(!is_within([Vec3::repeat(f64::NAN); 3], &bvh, 1.0, 0.01));
     }
 
     #[test]

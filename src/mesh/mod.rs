@@ -6,8 +6,8 @@
 mod bvh;
 pub mod distance;
 mod ids;
-pub mod repair;
 pub mod operators;
+pub mod repair;
 pub mod shapes;
 mod trimesh;
 

@@ -1,8 +1,10 @@
-//! Algorithms on surfaces that several stages share: charts, flattening, cut graphs, opening, subdivision.
+//! Algorithms on surfaces that several stages share: edge collapse, charts, flattening, cut graphs, opening, subdivision.
 
 pub mod chart;
+pub mod collapse;
 pub mod cut_graph;
 pub mod distortion;
+pub mod edit;
 pub mod flatten;
 pub mod opening;
 pub mod overlap;

@@ -2,6 +2,6 @@
 
 mod files;
 mod job;
+mod pieces;
 mod registry;
 mod tidy;
-mod pieces;

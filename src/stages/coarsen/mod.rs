@@ -1,1 +1,75 @@
-//! coarsen
+//! Coarsening: fewer faces, the same shape. Edge collapse by quadric error, or isotropic remeshing.
+
+mod isotropic;
+mod quadric;
+pub mod stage;
+mod tolerance;
+
+pub use isotropic::{IsotropicOptions, remesh};
+
+use crate::{
+    mesh::{Bvh, MeshError, TriMesh, distance},
+    numeric::{Cancelled, Monitor},
+};
+
+use tolerance::Tolerance;
+
+/// What [`simplify`] should reach.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct QuadricOptions {
+    /// Number of faces to reach, if `max_error` allows it.
+    pub faces: Option<usize>,
+    /// Largest distance between the surfaces, both ways, mm.
+    pub max_error: Option<f64>,
+    /// Edges with a larger angle between the normals of their faces are creases, radians.
+    pub feature_angle: f64,
+}
+
+/// Why coarsening failed.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum CoarsenError {
+    /// The run was interrupted.
+    #[error(transparent)]
+    Interrupted(#[from] Cancelled),
+    /// The topology needs more faces.
+    #[error(
+        "the mesh cannot be coarsened to {target} faces: its holes, handles and components leave nothing to collapse \
+         below {reached} faces; ask for {reached} or more"
+    )]
+    TooFew {
+        /// Faces wanted.
+        target: usize,
+        /// Faces left.
+        reached: usize,
+    },
+    /// A face lost its area.
+    #[error("coarsening made a face that is not usable: {0}; try another number of faces, or method = \"off\"")]
+    Mesh(#[from] MeshError),
+}
+
+/// Collapses edges by quadric error until `faces` are left or `max_error` is used up. With `max_error` the two-sided
+/// Hausdorff distance to `source` is proven to be no larger. With neither the result is the source.
+pub fn simplify(source: &TriMesh, options: &QuadricOptions, monitor: &Monitor) -> Result<TriMesh, CoarsenError> {
+    let QuadricOptions { faces, max_error, feature_angle } = *options;
+    let Some(max_error) = max_error else {
+        return quadric::simplify(source, faces, None, feature_angle, monitor);
+    };
+    let bvh = Bvh::new(source);
+    let mut limit = max_error;
+    loop {
+        let tolerance = Tolerance::new(source, &bvh, limit);
+        let result = quadric::simplify(source, faces, Some(tolerance), feature_angle, monitor)?;
+        let bounds = distance::two_sided_bounds(source, &result, RESOLUTION, monitor)?;
+        if bounds.upper <= max_error || result.face_count() == source.face_count() {
+            return Ok(result);
+        }
+        // Samples missed something between them. The excess shrinks with the limit, so this ends; the source itself is
+        // within any limit.
+        limit *= (max_error / bounds.upper).min(SHRINK);
+    }
+}
+
+/// How closely the distance of a result is bounded.
+const RESOLUTION: f64 = 0.01;
+/// The limit shrinks by at least this factor per attempt.
+const SHRINK: f64 = 0.97;
