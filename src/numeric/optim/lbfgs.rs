@@ -1,6 +1,6 @@
 //! Limited-memory BFGS with the Lewis–Overton line search.
 use super::{
-    Objective, Outcome, Stop,
+    Limits, Objective, Outcome, Stop, Watch,
     vector::{add_scaled, dot, norm},
     wolfe::{Sample, Wolfe},
 };
@@ -8,19 +8,6 @@ use crate::numeric::{Cancelled, Monitor};
 
 /// Applies the inverse of a symmetric positive definite metric in place: the initial inverse Hessian, up to scale.
 pub type Metric<'a> = &'a dyn Fn(&mut [f64]);
-
-/// When to stop.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Limits {
-    /// Most accepted steps.
-    pub iterations: usize,
-    /// Euclidean norm of the gradient that counts as stationary.
-    pub gradient: f64,
-    /// Stop when the value decreased by less than this share over [`Limits::window`] steps; 0 never stops.
-    pub decrease: f64,
-    /// Steps over which the decrease is measured.
-    pub window: usize,
-}
 
 /// The solver and its constants; one instance may be reused, it keeps its buffers but no history.
 #[derive(Debug)]
@@ -129,7 +116,7 @@ impl Lbfgs {
             return Ok(Outcome { stop: Stop::Infeasible, ..outcome });
         }
         let (mut direction, mut trial, mut trial_gradient) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-        let mut past = std::collections::VecDeque::from([value]);
+        let mut watch = Watch::new(limits, value);
         while outcome.iterations < limits.iterations {
             monitor.check()?;
             if outcome.gradient_norm <= limits.gradient {
@@ -175,12 +162,7 @@ impl Lbfgs {
             outcome.iterations += 1;
             outcome.value = value;
             outcome.gradient_norm = norm(&gradient);
-            past.push_back(value);
-            if past.len() > limits.window + 1 {
-                past.pop_front();
-            }
-            if limits.decrease > 0.0 && past.len() > limits.window && past[0] - value < limits.decrease * past[0].abs()
-            {
+            if watch.stalled(value) {
                 outcome.stop = Stop::Stalled;
                 break;
             }

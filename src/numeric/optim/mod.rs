@@ -1,10 +1,14 @@
 //! Unconstrained minimisation. Solvers know no mesh, objectives know no solver.
 
 mod lbfgs;
+mod levenberg;
 mod vector;
 mod wolfe;
 
-pub use lbfgs::{Lbfgs, Limits, Metric};
+pub use lbfgs::{Lbfgs, Metric};
+pub use levenberg::{Curved, Levenberg};
+
+use std::collections::VecDeque;
 
 /// A function to be minimised, smooth almost everywhere.
 pub trait Objective {
@@ -58,4 +62,40 @@ pub struct Outcome {
     pub iterations: usize,
     /// Evaluations of f.
     pub evaluations: usize,
+}
+
+/// When to stop.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    /// Most accepted steps.
+    pub iterations: usize,
+    /// Euclidean norm of the gradient that counts as stationary.
+    pub gradient: f64,
+    /// Stop when the value decreased by less than this share over [`Limits::window`] steps; 0 never stops.
+    pub decrease: f64,
+    /// Steps over which the decrease is measured.
+    pub window: usize,
+}
+
+/// Watches the decrease over the latest steps.
+struct Watch {
+    decrease: f64,
+    window: usize,
+    past: VecDeque<f64>,
+}
+
+impl Watch {
+    fn new(limits: &Limits, value: f64) -> Self {
+        Self { decrease: limits.decrease, window: limits.window, past: VecDeque::from([value]) }
+    }
+
+    /// Takes the value after a step; whether the decrease has become too small to go on.
+    fn stalled(&mut self, value: f64) -> bool {
+        self.past.push_back(value);
+        if self.past.len() <= self.window {
+            return false;
+        }
+        let before = self.past.pop_front().unwrap_or(value);
+        before - value < self.decrease * before.abs()
+    }
 }

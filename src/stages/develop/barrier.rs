@@ -24,6 +24,18 @@ impl Barrier {
         self.start
     }
 
+    /// b and its derivative.
+    pub(super) fn root(&self, z: f64) -> (f64, f64) {
+        if z >= self.start {
+            (0.0, 0.0)
+        } else if z < self.knee {
+            (self.value + self.slope * (z - self.knee), self.slope)
+        } else {
+            let over = 1.0 / (z - self.hard);
+            ((self.start - z) * over, (self.hard - self.start) * over * over)
+        }
+    }
+
     /// b² and its derivative.
     #[inline(always)]
     pub(super) fn at_lanes(&self, z: Lanes) -> (Lanes, Lanes) {
@@ -74,6 +86,14 @@ mod tests {
                 let (h, slope) = (1e-7, at(z).1);
                 let difference = (at(z + h).0 - at(z - h).0) / (2.0 * h);
                 assert!((difference - slope).abs() <= 1e-4 * (1.0 + slope.abs()), "{z}: {slope} {difference}");
+            }
+            for z in [-0.6, barrier.hard, barrier.knee, 0.5 * (barrier.start + barrier.knee), 1.0] {
+                let (root, slope) = barrier.root(z);
+                let (value, twice) = at(z);
+                assert!(
+                    (root * root - value).abs() <= 1e-13 * value
+                        && (2.0 * root * slope - twice).abs() <= 1e-12 * twice.abs()
+                );
             }
             assert_eq!(at(barrier.start).0, 0.0);
             assert!(at(barrier.hard).0 > 50.0 && at(barrier.hard).1 < 0.0);

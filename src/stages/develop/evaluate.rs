@@ -12,7 +12,7 @@ use super::{
     energy::{Corner, Energy, Pull},
 };
 use crate::{
-    mesh::{Id, TriMesh, VertexId},
+    mesh::{FaceId, Id, TriMesh, VertexId},
     numeric::lanes::{LANES, Lanes, Lanes3, vectorized},
 };
 use rayon::prelude::*;
@@ -254,6 +254,16 @@ impl Evaluator {
             parts.fold += fold;
         }
         parts
+    }
+
+    /// Weights of the barriers.
+    pub(super) fn weights(&self) -> &Weights {
+        &self.weights
+    }
+
+    /// Reciprocal of the area that the area term compares with.
+    pub(super) fn inverse_rest_area(&self, face: FaceId) -> f64 {
+        self.inverse_rest_area[face.index() / LANES].0[face.index() % LANES]
     }
 
     /// Number of faces.

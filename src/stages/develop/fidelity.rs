@@ -144,6 +144,21 @@ impl<'a> Fidelity<'a> {
         sum
     }
 
+    /// Hands out, per sample outside the zone at `x`, its three vertices, their barycentric coordinates, and the Hessian by
+    /// its point with the closest point held: 2 w c [n nᵀ + s (I − n nᵀ)], s = (d − t)/d.
+    pub(super) fn curvature(&self, x: &[f64], mut add: impl FnMut([u32; 3], [f64; 3], &nalgebra::Matrix3<f64>)) {
+        for sample in self.outward.iter().chain(&self.inward) {
+            let offset = sample.offset(x);
+            let distance = offset.norm();
+            if distance > self.band {
+                let along = 1.0 - self.band / distance;
+                let normal = offset / distance;
+                let block = normal * normal.transpose() * (1.0 - along) + nalgebra::Matrix3::identity() * along;
+                add(sample.vertices, sample.weights, &(block * (2.0 * self.weight * sample.factor)));
+            }
+        }
+    }
+
     /// Queries the closest points anew where the latest ones have left the zone; afterwards value and gradient at `x` are
     /// those of the true distances. Returns whether anything changed.
     pub(super) fn refresh(&mut self, x: &[f64]) -> bool {

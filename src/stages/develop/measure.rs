@@ -1,8 +1,19 @@
 //! What makes a mesh buildable or not, in numbers.
-use crate::mesh::{EdgeId, TriMesh, VertexId};
+use crate::{
+    mesh::{
+        Bvh, EdgeId, TriMesh, VertexId,
+        distance::{SurfaceDistance, Violation, two_sided_bounds, violations},
+    },
+    numeric::Monitor,
+};
 
 /// Cosine between neighbouring normals below which an edge counts as folded.
 const FOLDED: f64 = -0.5;
+
+/// Share by which a proven distance may exceed the true one.
+const RESOLUTION: f64 = 0.01;
+
+const NEVER_CANCELLED: &str = "a silent monitor never cancels";
 
 /// Edges whose two faces turn by more than 120°.
 pub fn folded_edges(mesh: &TriMesh) -> Vec<EdgeId> {
@@ -46,5 +57,35 @@ impl Defects {
             max: all.first().copied().unwrap_or(0.0),
             top5_share: if sum > 0.0 { top / sum } else { 0.0 },
         }
+    }
+}
+
+/// How far a result is from its source. mm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Deviation {
+    /// No point of either surface is farther from the other: proven, not sampled.
+    pub bound: f64,
+    /// Largest distance of 50 000 samples and all vertices of each surface.
+    pub hausdorff: f64,
+    /// Mean distance of those samples.
+    pub mean: f64,
+}
+
+impl Deviation {
+    /// Measures it; the bound is at most 1 % above the true distance.
+    pub fn between(source: &TriMesh, result: &TriMesh) -> Self {
+        let bounds = two_sided_bounds(source, result, RESOLUTION, &Monitor::silent()).expect(NEVER_CANCELLED);
+        let sampled = SurfaceDistance::between(source, result);
+        Self { bound: bounds.upper, hausdorff: sampled.hausdorff, mean: sampled.mean }
+    }
+
+    /// The place farthest beyond `limit`, and whether it lies on the result (else on the source); `None` if no point is.
+    pub fn worst(source: &TriMesh, result: &TriMesh, limit: f64) -> Option<(Violation, bool)> {
+        let find = |from: &TriMesh, to: &TriMesh| {
+            violations(from, &Bvh::new(to), limit, RESOLUTION, &Monitor::silent()).expect(NEVER_CANCELLED)
+        };
+        let on_result = find(result, source).into_iter().map(|it| (it, true));
+        let all = on_result.chain(find(source, result).into_iter().map(|it| (it, false)));
+        all.max_by(|a, b| a.0.distance.total_cmp(&b.0.distance))
     }
 }

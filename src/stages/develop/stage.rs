@@ -4,22 +4,16 @@ use std::fmt;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 use serde_json::json;
 
-use super::{Defects, DevelopError, Options, develop, energy, folded_edges, smallest_angle};
+use super::{Defects, DevelopError, Deviation, Optimizer, Options, develop, energy, folded_edges, smallest_angle};
 use crate::{
-    mesh::{
-        Bvh, TriMesh,
-        distance::{SurfaceDistance, two_sided_bounds, violations},
-    },
+    mesh::TriMesh,
     model::{DevelopableMesh, Round, SourceMesh},
-    numeric::Monitor,
     profile::{Extent, Profiles},
     stage::{Check, Cx, KeyError, Section, Stage},
 };
 
 /// Vertices whose energy exceeds this count as lying on a seam in `seam_vertex_share`.
 const SEAM_ENERGY: f64 = 1e-3;
-/// Share by which the proven distance may exceed the true one.
-const RESOLUTION: f64 = 0.01;
 
 /// The `[develop]` table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -27,6 +21,8 @@ const RESOLUTION: f64 = 0.01;
 pub struct Develop {
     /// Name of the developability energy.
     pub energy: String,
+    /// "levenberg" (lowest energy) or "lbfgs" (quick; for energies other than covariance the only one).
+    pub optimizer: Method,
     /// Largest distance between the result and the input, either way: a length, or percent of the input's diagonal.
     pub max_deviation: Extent,
     /// Whether to hold the flow to that distance; without, the distance is only measured.
@@ -35,21 +31,33 @@ pub struct Develop {
     pub levels: Levels,
     /// Rounds per level, each with a stronger hold on the input.
     pub rounds: usize,
-    /// Most iterations per round.
-    pub iterations: usize,
+    /// Most steps per round; what the optimiser usually needs if not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub iterations: Option<usize>,
 }
 
 impl Default for Develop {
     fn default() -> Self {
         Self {
             energy: "covariance".into(),
+            optimizer: Method::Levenberg,
             max_deviation: Extent::Percent(1.0),
             fidelity: true,
             levels: Levels::Auto,
             rounds: 3,
-            iterations: 300,
+            iterations: None,
         }
     }
+}
+
+/// An optimiser, as it is written in the config.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// Limited-memory BFGS.
+    Lbfgs,
+    /// Levenberg–Marquardt with variable projection.
+    Levenberg,
 }
 
 /// How often to subdivide.
@@ -115,6 +123,11 @@ impl Stage for Develop {
             let message = format!("must be one of {}, not \"{}\"", names.join(", "), self.energy);
             return Err(KeyError { key: "energy", message });
         }
+        if self.optimizer == Method::Levenberg && self.energy != "covariance" {
+            let message =
+                format!("\"levenberg\" minimises the covariance energy only, not \"{}\": write \"lbfgs\"", self.energy);
+            return Err(KeyError { key: "optimizer", message });
+        }
         match self.max_deviation {
             Extent::Percent(percent) => KeyError::range("max_deviation", percent, 1e-3, 100.0)?,
             Extent::Length(length) => KeyError::range("max_deviation", length.mm, 1e-6, 1e6)?,
@@ -123,12 +136,16 @@ impl Stage for Develop {
             KeyError::range("levels", count as f64, 0.0, 8.0)?;
         }
         KeyError::range("rounds", self.rounds as f64, 1.0, 100.0)?;
-        KeyError::range("iterations", self.iterations as f64, 0.0, 1e6)
+        KeyError::range("iterations", self.iterations.unwrap_or(1) as f64, 1.0, 1e6)
     }
 
     fn run(&self, (source, start): (&SourceMesh, &TriMesh), _: &(), cx: &Cx) -> Result<DevelopableMesh, DevelopError> {
         let options = Options {
             energy: energy::Energy::named(&self.energy).expect("`check` refused unknown names"),
+            optimizer: match self.optimizer {
+                Method::Lbfgs => Optimizer::Lbfgs,
+                Method::Levenberg => Optimizer::Levenberg,
+            },
             max_deviation: self.max_deviation.resolve(source.mesh.bounds().diagonal()),
             fidelity: self.fidelity,
             levels: match self.levels {
@@ -144,20 +161,18 @@ impl Stage for Develop {
     fn section(&self, (source, _): (&SourceMesh, &TriMesh), _: &(), output: &DevelopableMesh) -> Section {
         let (mesh, limit) = (&output.mesh, output.max_deviation);
         let percent = 100.0 / source.mesh.bounds().diagonal();
-        let bounds = two_sided_bounds(&source.mesh, mesh, RESOLUTION, &Monitor::silent())
-            .expect("a silent monitor never cancels");
-        let sampled = SurfaceDistance::between(&source.mesh, mesh);
+        let deviation = Deviation::between(&source.mesh, mesh);
         let (defects, folds) = (Defects::of(mesh), folded_edges(mesh));
         let seam = output.energy.iter().filter(|&&energy| energy > SEAM_ENERGY).count();
         let table = json!({
             "max_deviation_pct": limit * percent,
-            "hausdorff_bound_pct": bounds.upper * percent,
+            "hausdorff_bound_pct": deviation.bound * percent,
             "rounds": output.rounds.iter().map(round).collect::<Vec<_>>(),
             "covariance_energy": output.energy.iter().sum::<f64>(),
             "folds": folds.len(),
             "min_angle_deg": smallest_angle(mesh).to_degrees(),
-            "hausdorff_pct": sampled.hausdorff * percent,
-            "mean_pct": sampled.mean * percent,
+            "hausdorff_pct": deviation.hausdorff * percent,
+            "mean_pct": deviation.mean * percent,
             "seam_vertex_share": seam as f64 / mesh.vertex_count() as f64,
             "skipped_abs_defect": defects.skipped,
             "median_abs_defect": defects.median,
@@ -176,7 +191,13 @@ impl Stage for Develop {
             }
         };
         Section::new("develop", table)
-            .check(Check::at_most("develop.deviation", bounds.upper, limit, "mm", deviation_note(source, mesh, limit)))
+            .check(Check::at_most(
+                "develop.deviation",
+                deviation.bound,
+                limit,
+                "mm",
+                deviation_note(source, mesh, limit),
+            ))
             .check(Check::at_most("develop.folds", folds.len() as f64, 0.0, "edges", fold_note))
     }
 }
@@ -198,18 +219,15 @@ fn round(it: &Round) -> serde_json::Value {
 
 /// Where the surfaces are farther apart than promised.
 fn deviation_note(source: &SourceMesh, mesh: &TriMesh, limit: f64) -> String {
-    let find = |from: &TriMesh, to: &TriMesh| {
-        violations(from, &Bvh::new(to), limit, RESOLUTION, &Monitor::silent()).expect("a silent monitor never cancels")
-    };
-    let found = find(mesh, &source.mesh)
-        .into_iter()
-        .map(|it| (it, "result"))
-        .chain(find(&source.mesh, mesh).into_iter().map(|it| (it, "input")));
-    match found.max_by(|a, b| a.0.distance.total_cmp(&b.0.distance)) {
+    match Deviation::worst(&source.mesh, mesh, limit) {
         None => "proven for every point of both surfaces, not sampled".into(),
-        Some((worst, side)) => format!(
-            "worst at ({:.3}, {:.3}, {:.3}) mm, face {} of the {side}; allow more, or start from a finer mesh (coarsen.faces, develop.levels)",
-            worst.point.x, worst.point.y, worst.point.z, worst.face
+        Some((worst, on_result)) => format!(
+            "worst at ({:.3}, {:.3}, {:.3}) mm, face {} of the {}; allow more, or start from a finer mesh (coarsen.faces, develop.levels)",
+            worst.point.x,
+            worst.point.y,
+            worst.point.z,
+            worst.face,
+            if on_result { "result" } else { "input" }
         ),
     }
 }
@@ -242,6 +260,8 @@ mod tests {
             ("levels = -1", "\"auto\""),
             ("levels = 20", "`levels`"),
             ("rounds = 0", "`rounds`"),
+            ("iterations = 0", "`iterations`"),
+            ("optimizer = \"newton\"", "`levenberg`"),
             ("depth = 1", "depth"),
         ] {
             let error = table(text).unwrap_err();

@@ -1,0 +1,178 @@
+//! Levenberg–Marquardt: Newton steps on a positive semidefinite model of the Hessian, damped by μ I.
+use super::{
+    Limits, Objective, Outcome, Stop, Watch,
+    vector::{add_scaled, dot, norm},
+};
+use crate::numeric::{
+    Cancelled, Monitor,
+    sparse::{Analysis, Cholesky, SymmetricMatrix},
+};
+
+/// An objective that can say how it curves.
+pub trait Curved: Objective {
+    /// Sets the values of `hessian`, a positive semidefinite model at the latest accepted point; the pattern is the same at
+    /// every call.
+    fn curvature(&mut self, x: &[f64], hessian: &mut SymmetricMatrix);
+}
+
+/// The solver and its constants. Lengths are in the unit of x.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Levenberg {
+    /// Damping μ at the start.
+    pub damping: f64,
+    /// Largest change of any coordinate in one step.
+    pub longest_step: f64,
+}
+
+impl Levenberg {
+    /// Share of the predicted decrease along the step that must be reached.
+    const ARMIJO: f64 = 1e-4;
+    /// Shortening of a step that did not, and how often.
+    const SHORTEN: f64 = 0.4;
+    const TRIES: usize = 6;
+    /// Dampings tried in a row without any step before giving up.
+    const FAILURES: usize = 8;
+
+    /// Minimises `objective` from `x`, in place; `hessian` has the pattern of its curvature.
+    pub fn minimize(
+        &self,
+        objective: &mut dyn Curved,
+        x: &mut [f64],
+        hessian: &mut SymmetricMatrix,
+        analysis: &Analysis,
+        limits: &Limits,
+        monitor: &Monitor,
+    ) -> Result<Outcome, Cancelled> {
+        let n = x.len();
+        let (mut gradient, mut trial, mut trial_gradient) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+        let mut value = objective.evaluate(x, &mut gradient);
+        let mut outcome =
+            Outcome { stop: Stop::Iterations, value, gradient_norm: norm(&gradient), iterations: 0, evaluations: 1 };
+        if !value.is_finite() || !outcome.gradient_norm.is_finite() {
+            return Ok(Outcome { stop: Stop::Infeasible, ..outcome });
+        }
+        let mut watch = Watch::new(limits, value);
+        let (mut damping, mut failures) = (self.damping, 0);
+        let mut factor: Option<Cholesky> = None;
+        objective.curvature(x, hessian);
+        let mut damped = hessian.clone();
+        while outcome.iterations < limits.iterations {
+            monitor.check()?;
+            if outcome.gradient_norm <= limits.gradient {
+                outcome.stop = Stop::Gradient;
+                break;
+            }
+            if failures >= Self::FAILURES {
+                outcome.stop = Stop::LineSearch;
+                break;
+            }
+            damped.values_mut().copy_from_slice(hessian.values());
+            (0..n).for_each(|i| damped.add_to_diagonal(i, damping));
+            let factored = match factor.take() {
+                None => analysis.factor(&damped),
+                Some(mut old) => old.refactor(&damped).map(|()| old),
+            };
+            let Ok(llt) = factored else {
+                damping *= 4.0;
+                failures += 1;
+                continue;
+            };
+            let mut step = llt.solve(&gradient);
+            factor = Some(llt);
+            let longest = step.iter().fold(0.0_f64, |m, d| m.max(d.abs()));
+            let scale = -(self.longest_step / longest).min(1.0);
+            step.iter_mut().for_each(|d| *d *= scale);
+            let (slope, bend) = (dot(&gradient, &step), dot(&step, &hessian.multiply(&step)));
+            let mut t = 1.0;
+            let mut reached = None;
+            for _ in 0..Self::TRIES {
+                trial.copy_from_slice(x);
+                add_scaled(&mut trial, t, &step);
+                outcome.evaluations += 1;
+                let here = objective.evaluate(&trial, &mut trial_gradient);
+                if here <= value + Self::ARMIJO * t * slope {
+                    reached = Some(here);
+                    break;
+                }
+                t *= Self::SHORTEN;
+            }
+            let Some(here) = reached else {
+                damping *= 6.0;
+                failures += 1;
+                continue;
+            };
+            let ratio = (here - value) / (t * slope + 0.5 * t * t * bend);
+            damping *= match () {
+                () if t < 0.3 || ratio < 0.1 => 2.5,
+                () if t == 1.0 && ratio > 0.75 => 0.33,
+                () if t == 1.0 && ratio > 0.4 => 0.7,
+                () => 1.0,
+            };
+            failures = 0;
+            x.copy_from_slice(&trial);
+            value = here;
+            std::mem::swap(&mut gradient, &mut trial_gradient);
+            if objective.accepted(x) {
+                value = objective.evaluate(x, &mut gradient);
+                outcome.evaluations += 1;
+            }
+            objective.curvature(x, hessian);
+            outcome.iterations += 1;
+            outcome.value = value;
+            outcome.gradient_norm = norm(&gradient);
+            if watch.stalled(value) {
+                outcome.stop = Stop::Stalled;
+                break;
+            }
+        }
+        Ok(outcome)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Σ over i of (10 (x_{i+1} − x_i²))² + (1 − x_i)², with its Gauss–Newton matrix.
+    struct Rosenbrock;
+    impl Objective for Rosenbrock {
+        fn evaluate(&mut self, x: &[f64], gradient: &mut [f64]) -> f64 {
+            gradient.fill(0.0);
+            let mut f = 0.0;
+            for i in 0..x.len() - 1 {
+                let (a, b) = (1.0 - x[i], x[i + 1] - x[i] * x[i]);
+                f += a * a + 100.0 * b * b;
+                gradient[i] += -2.0 * a - 400.0 * x[i] * b;
+                gradient[i + 1] += 200.0 * b;
+            }
+            f
+        }
+    }
+    impl Curved for Rosenbrock {
+        fn curvature(&mut self, x: &[f64], hessian: &mut SymmetricMatrix) {
+            let mut triplets = Vec::new();
+            for i in 0..x.len() - 1 {
+                let (row, d) = (i as u32, -20.0 * x[i]);
+                triplets.push((row, row, 2.0 + 2.0 * d * d));
+                triplets.push((row + 1, row, 20.0 * d));
+                triplets.push((row + 1, row + 1, 200.0));
+            }
+            *hessian = SymmetricMatrix::from_triplets(x.len(), &triplets);
+        }
+    }
+
+    #[test]
+    fn finds_the_minimum_of_rosenbrock_in_few_steps() {
+        let mut x = vec![-1.2; 20];
+        let pairs: Vec<_> = (0..19).map(|i| (i + 1, i)).collect();
+        let (mut hessian, _) = SymmetricMatrix::with_pattern(20, &pairs);
+        let analysis = Analysis::new(&hessian).unwrap();
+        let limits = Limits { iterations: 200, gradient: 1e-9, decrease: 0.0, window: 10 };
+        let solver = Levenberg { damping: 1e-2, longest_step: 10.0 };
+        let out =
+            solver.minimize(&mut Rosenbrock, &mut x, &mut hessian, &analysis, &limits, &Monitor::silent()).unwrap();
+        assert_eq!(out.stop, Stop::Gradient, "{out:?}");
+        assert!(x.iter().all(|x| (x - 1.0).abs() < 1e-8), "{x:?}");
+        assert!(out.iterations < 100, "{out:?}");
+    }
+}

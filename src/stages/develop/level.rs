@@ -1,0 +1,250 @@
+//! One level of the schedule: rounds of the optimiser with a growing hold on the source, and corrections until the promised
+//! distance is proven.
+use super::{
+    DevelopError, Evaluator, Optimizer, Options,
+    barrier::Weights,
+    curvature::Curvature,
+    fidelity::Fidelity,
+    flatten,
+    flow::{CurvedFlow, Flow},
+    folded_edges, scaled, set_positions,
+};
+use crate::{
+    geom::{Vec3, closest_on_triangle},
+    mesh::{
+        Bvh, TriMesh,
+        distance::{Violation, sample, violations},
+    },
+    model::Round,
+    numeric::{
+        Cancelled, Monitor,
+        optim::{Lbfgs, Levenberg, Limits, Outcome},
+    },
+};
+
+/// Half width of the dead zone over the promised deviation; the rest is left for the surface between samples.
+const BAND: f64 = 0.92;
+/// Weight of the fidelity term in the first and the last round of a level.
+const HOLD: [f64; 2] = [3.0, 90.0];
+/// Most corrections after the last round of the last level, and the growth of the weight of places found too far off.
+const CORRECTIONS: usize = 12;
+const GROWTH: f64 = 3.0;
+/// Largest such weight: more makes the problem too stiff for the optimiser to move at all.
+const HEAVIEST: f64 = 30.0;
+/// Share of the promised deviation that the proof may give away.
+const RESOLUTION: f64 = 0.02;
+/// Samples of the source per vertex of the moving mesh, besides the vertices of the source.
+const SAMPLES: usize = 2;
+
+/// What stays the same over all levels.
+pub(super) struct Job<'a> {
+    source: &'a TriMesh,
+    tree: &'a Bvh,
+    options: &'a Options,
+    levels: usize,
+    monitor: &'a Monitor<'a>,
+    /// History of all levels.
+    pub(super) rounds: Vec<Round>,
+}
+
+/// What one level works on. Its unit of length is the mean edge length at its start.
+struct Level<'a> {
+    /// Length of the unit, mm.
+    unit: f64,
+    /// Coordinates of the vertices.
+    x: Vec<f64>,
+    mesh: TriMesh,
+    evaluator: Evaluator,
+    curvature: Option<Curvature>,
+    hold: Option<Fidelity<'a>>,
+}
+
+/// A state of the mesh, in mm, that was checked.
+struct Checked {
+    mesh: TriMesh,
+    energy: f64,
+    folds: usize,
+    /// Places of the result, and of the source, that are not proven to be near enough.
+    outward: Vec<Violation>,
+    inward: Vec<Violation>,
+}
+
+impl Checked {
+    fn violations(&self) -> usize {
+        self.outward.len() + self.inward.len()
+    }
+
+    fn keeps_promises(&self) -> bool {
+        self.folds == 0 && self.violations() == 0
+    }
+
+    /// Fewer folds before fewer violations before a lower energy.
+    fn better_than(&self, other: &Self) -> bool {
+        let shape = (self.folds, self.violations()).cmp(&(other.folds, other.violations()));
+        shape.then(self.energy.total_cmp(&other.energy)).is_lt()
+    }
+}
+
+/// How boldly the optimiser moves.
+#[derive(Clone, Copy, PartialEq)]
+enum Stride {
+    /// Towards lower energy.
+    Free,
+    /// Only to mend what is wrong: a long step would open new places.
+    Careful,
+}
+
+impl<'a> Job<'a> {
+    pub(super) fn new(
+        source: &'a TriMesh,
+        tree: &'a Bvh,
+        options: &'a Options,
+        levels: usize,
+        monitor: &'a Monitor<'a>,
+    ) -> Self {
+        Self { source, tree, options, levels, monitor, rounds: Vec::new() }
+    }
+
+    /// Optimises one level; start and result in mm. On the last level the result is the best state that was checked.
+    pub(super) fn level(&mut self, start: &TriMesh, index: usize) -> Result<TriMesh, DevelopError> {
+        let mut level = self.prepare(start, index)?;
+        let last = index == self.levels;
+        let mut best: Option<Checked> = None;
+        for round in 0..self.options.rounds {
+            self.report(index, round);
+            if let Some(hold) = &mut level.hold {
+                let share = (round + 1) as f64 / self.options.rounds as f64;
+                let first = 1.0 / self.options.rounds as f64;
+                let share = if first < 1.0 { (share - first) / (1.0 - first) } else { 1.0 };
+                hold.weight = HOLD[0] * (HOLD[1] / HOLD[0]).powf(share);
+            }
+            self.run(&mut level, Stride::Free)?;
+            if last && self.options.fidelity {
+                self.take_stock(&mut level, &mut best, 1.0)?;
+            }
+        }
+        if last && self.options.fidelity {
+            let mut factor = 1.0;
+            for _ in 0..CORRECTIONS {
+                if best.as_ref().is_none_or(Checked::keeps_promises) {
+                    break;
+                }
+                factor = HEAVIEST.min(factor * GROWTH);
+                self.run(&mut level, Stride::Careful)?;
+                self.take_stock(&mut level, &mut best, factor)?;
+            }
+        }
+        Ok(best.map_or_else(|| scaled(&level.mesh, level.unit), |it| it.mesh))
+    }
+
+    fn report(&self, level: usize, round: usize) {
+        // Each level has four times the faces of the one before.
+        let share = |level: usize| 4.0_f64.powi(level as i32 - self.levels as i32 - 1);
+        let done = share(level) + (share(level + 1) - share(level)) * round as f64 / self.options.rounds as f64;
+        self.monitor.progress(done, &format!("level {level} of {}, round {}", self.levels, round + 1));
+    }
+
+    fn prepare(&self, start: &TriMesh, index: usize) -> Result<Level<'a>, DevelopError> {
+        let unit = start.mean_edge_length();
+        let mesh = scaled(start, 1.0 / unit);
+        // Sums over faces and corners grow by 4 with each level; the energy of a seam does not.
+        let shrink = 0.25_f64.powi(index as i32);
+        let weights = Weights { angle: 3e-4 * shrink, fold: 0.01, defect: 0.1, area: 1e-4 * shrink };
+        let evaluator = Evaluator::new(&mesh, self.options.energy, weights);
+        let curvature = match self.options.optimizer {
+            Optimizer::Lbfgs => None,
+            Optimizer::Levenberg => Some(Curvature::new(&mesh)?),
+        };
+        let hold = self.options.fidelity.then(|| {
+            let points =
+                sample(self.source, SAMPLES * mesh.vertex_count()).into_iter().map(|it| it.position(self.source));
+            let points: Vec<Vec3> = points.chain(self.source.positions().iter().copied()).collect();
+            Fidelity::new(self.tree, &points, &mesh, unit, BAND * self.options.max_deviation / unit, HOLD[0])
+        });
+        Ok(Level { unit, x: flatten(&mesh), mesh, evaluator, curvature, hold })
+    }
+
+    /// One run of the optimiser, recorded.
+    fn run(&mut self, level: &mut Level, stride: Stride) -> Result<(), DevelopError> {
+        let mut gradient = vec![0.0; level.x.len()];
+        let seconds = self.monitor.seconds();
+        let before = level.evaluator.evaluate(&level.x, &mut gradient);
+        let outcome = level.minimize(stride, self.options.iterations, self.monitor)?;
+        let after = level.evaluator.evaluate(&level.x, &mut gradient);
+        set_positions(&mut level.mesh, &level.x);
+        self.rounds.push(Round {
+            energy: self.options.energy.name.to_owned(),
+            vertices: level.mesh.vertex_count(),
+            faces: level.mesh.face_count(),
+            energy_start: before.energy,
+            energy_end: after.energy,
+            gradient_norm: outcome.gradient_norm,
+            iterations: outcome.iterations,
+            evaluations: outcome.evaluations,
+            seconds: self.monitor.seconds() - seconds,
+            stopped: outcome.stop.to_string(),
+        });
+        Ok(())
+    }
+
+    /// Checks the state, keeps it if it is the best, and adds the places that are too far off to the samples.
+    fn take_stock(&self, level: &mut Level, best: &mut Option<Checked>, factor: f64) -> Result<(), DevelopError> {
+        let checked = self.check(level)?;
+        if let Some(hold) = &mut level.hold {
+            let on_faces: Vec<_> = checked
+                .outward
+                .iter()
+                .map(|it| {
+                    let corners = level.mesh.face_positions(it.face);
+                    (it.face, closest_on_triangle(&(it.point / level.unit), &corners).0)
+                })
+                .collect();
+            let points: Vec<Vec3> = checked.inward.iter().map(|it| it.point).collect();
+            hold.follow(&level.mesh);
+            hold.add_outward(&on_faces, factor);
+            hold.add_inward(&points, factor);
+        }
+        if best.as_ref().is_none_or(|best| checked.better_than(best)) {
+            *best = Some(checked);
+        }
+        Ok(())
+    }
+
+    fn check(&self, level: &mut Level) -> Result<Checked, DevelopError> {
+        let mesh = scaled(&level.mesh, level.unit);
+        let limit = self.options.max_deviation;
+        let outward = violations(&mesh, self.tree, limit, RESOLUTION, self.monitor)?;
+        let inward = violations(self.source, &Bvh::new(&mesh), limit, RESOLUTION, self.monitor)?;
+        let energy = level.evaluator.evaluate(&level.x, &mut vec![0.0; level.x.len()]).energy;
+        Ok(Checked { energy, folds: folded_edges(&mesh).len(), outward, inward, mesh })
+    }
+}
+
+impl Level<'_> {
+    fn minimize(&mut self, stride: Stride, iterations: Option<usize>, monitor: &Monitor) -> Result<Outcome, Cancelled> {
+        /// Relative decrease over the window below which a round ends.
+        const DECREASE: f64 = 3e-3;
+        const GRADIENT: f64 = 1e-8;
+        let careful = stride == Stride::Careful;
+        let limits = |usual: usize, few: usize, window: usize| {
+            let iterations = iterations.unwrap_or(usual);
+            let iterations = if careful { iterations.min(few) } else { iterations };
+            Limits { iterations, gradient: GRADIENT, decrease: DECREASE, window }
+        };
+        let flow = Flow::new(&mut self.evaluator, self.hold.as_mut());
+        let Some(curvature) = &self.curvature else {
+            let mut flow = flow;
+            return Lbfgs::default().minimize(&mut flow, &mut self.x, None, 0.1, &limits(300, 40, 20), monitor);
+        };
+        let mut flow = CurvedFlow { flow, curvature, mesh: self.mesh.clone() };
+        let (damping, longest_step) = if careful { (1.0, 0.1) } else { (1e-2, 0.7) };
+        Levenberg { damping, longest_step }.minimize(
+            &mut flow,
+            &mut self.x,
+            &mut curvature.matrix(),
+            &curvature.analysis,
+            &limits(20, 6, 10),
+            monitor,
+        )
+    }
+}
