@@ -109,7 +109,7 @@ impl Run<'_> {
     }
 
     fn on_surface(&self, p: Vec3) -> Vec3 {
-        self.bvh.closest(&p).point
+        self.bvh.closest(p).point
     }
 
     fn live_edges(&self) -> Vec<HalfedgeId> {

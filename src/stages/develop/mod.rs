@@ -13,6 +13,8 @@ mod flow;
 mod level;
 mod measure;
 pub mod stage;
+#[cfg(test)]
+mod tests;
 
 pub use barrier::Weights;
 pub use evaluate::{Evaluator, Parts};

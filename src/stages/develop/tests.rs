@@ -1,0 +1,342 @@
+//! Laws that hold for every energy, every barrier and the whole flow.
+use super::{curvature::Curvature, energy::ENERGIES, *};
+use crate::{
+    mesh::{FaceId, Id, VertexId, distance::two_sided_bounds, shapes},
+    numeric::sparse::SymmetricMatrix,
+};
+
+/// Displaces every vertex by up to `noise` in a way that only looks random.
+fn shaken(mesh: &TriMesh, noise: f64) -> TriMesh {
+    let mut mesh = mesh.clone();
+    for (i, p) in mesh.positions_mut().as_mut_slice().iter_mut().enumerate() {
+        let wave = |k: f64| (k * (i as f64 + 1.0)).sin();
+        *p += noise * Vec3::new(wave(12.9898), wave(78.233), wave(37.719));
+    }
+    mesh
+}
+
+/// Closed, valence 5 and 6.
+fn ball() -> TriMesh {
+    shapes::icosphere(1.0, 2)
+}
+
+/// With corners of valence 3 and a boundary: a tetrahedron without one of its sixteen faces.
+fn open_tetrahedron() -> TriMesh {
+    let p = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]].map(Vec3::from).to_vec();
+    let fine = subdivide(&TriMesh::new(p, &[[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]).unwrap()).unwrap();
+    TriMesh::new(fine.positions().as_slice().to_vec(), &fine.face_indices()[1..]).unwrap()
+}
+
+/// Exact developables, meshed along their rulings.
+fn ruled() -> [TriMesh; 3] {
+    [
+        shapes::cylinder(1.0, 2.0, 14, 4),
+        shapes::cone_frustum(1.0, 0.4, 1.5, 11, 3),
+        shapes::tangent_developable(1.0, 0.8, 0.6, [0.3, 1.2], 15, 4),
+    ]
+}
+
+/// Largest error of the gradient against central differences over the largest component.
+fn gradient_error(mesh: &TriMesh, energy: &'static Energy, weights: Weights) -> f64 {
+    let mut evaluator = Evaluator::new(mesh, energy, weights);
+    let mut x = flatten(mesh);
+    let mut gradient = vec![0.0; x.len()];
+    assert!(evaluator.evaluate(&x, &mut gradient).total() > 0.0);
+    let largest = gradient.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
+    let (mut error, mut unused) = (0.0_f64, vec![0.0; x.len()]);
+    let h = 2e-6;
+    for i in 0..x.len() {
+        let here = x[i];
+        let mut at = |x_i: f64| {
+            x[i] = x_i;
+            evaluator.evaluate(&x, &mut unused).total()
+        };
+        // Fourth order, so that the truncation error stays below the bar even beside steep barriers.
+        let near = (at(here + h) - at(here - h)) / (2.0 * h);
+        let far = (at(here + 2.0 * h) - at(here - 2.0 * h)) / (4.0 * h);
+        x[i] = here;
+        error = error.max(((4.0 * near - far) / 3.0 - gradient[i]).abs());
+    }
+    error / largest
+}
+
+#[test]
+fn energies_have_the_gradient_of_central_differences() {
+    for energy in ENERGIES {
+        for mesh in [shaken(&ball(), 0.03), shaken(&open_tetrahedron(), 0.05), shaken(&ruled()[1], 0.02)] {
+            let error = gradient_error(&mesh, energy, Weights::default());
+            assert!(error < 1e-7, "{energy:?}: {error:e}");
+        }
+    }
+}
+
+#[test]
+fn barriers_have_the_gradient_of_central_differences() {
+    let off = Weights::default();
+    let single = [
+        Weights { angle: 1.0, ..off },
+        Weights { fold: 1.0, ..off },
+        Weights { defect: 1.0, ..off },
+        Weights { area: 1.0, ..off },
+    ];
+    let mesh = shaken(&ball(), 0.17);
+    for weights in single {
+        let mut evaluator = Evaluator::new(&mesh, &ENERGIES[0], weights);
+        let parts = evaluator.evaluate(&flatten(&mesh), &mut vec![0.0; 3 * mesh.vertex_count()]);
+        assert!(parts.total() > parts.energy, "{weights:?} must act here");
+        let error = gradient_error(&mesh, &ENERGIES[0], weights);
+        assert!(error < 1e-7, "{weights:?}: {error:e}");
+    }
+}
+
+#[test]
+fn energies_vanish_on_developables_meshed_along_their_rulings() {
+    for energy in ENERGIES {
+        for (k, mesh) in ruled().into_iter().enumerate() {
+            let mut evaluator = Evaluator::new(&mesh, energy, Weights::default());
+            let mut gradient = vec![0.0; 3 * mesh.vertex_count()];
+            let parts = evaluator.evaluate(&flatten(&mesh), &mut gradient);
+            assert!(parts.energy < 1e-28, "{energy:?} {k}: {:e}", parts.energy);
+            assert!(gradient.iter().all(|g| g.abs() < 1e-13), "{energy:?} {k}");
+        }
+    }
+}
+
+#[test]
+fn energies_are_sums_over_the_vertices_that_count() {
+    let mesh = shaken(&open_tetrahedron(), 0.05);
+    for energy in ENERGIES {
+        let mut evaluator = Evaluator::new(&mesh, energy, Weights::default());
+        let parts = evaluator.evaluate(&flatten(&mesh), &mut vec![0.0; 3 * mesh.vertex_count()]);
+        let own = evaluator.energies();
+        assert!((own.iter().sum::<f64>() - parts.energy).abs() < 1e-14);
+        for v in mesh.vertices() {
+            let counts = !mesh.is_boundary_vertex(v) && mesh.face_degree(v) > 3;
+            assert_eq!(own[v.index()] > 0.0, counts, "{energy:?} {v}");
+        }
+    }
+}
+
+#[test]
+fn energies_do_not_depend_on_place_or_scale() {
+    let mesh = shaken(&ball(), 0.05);
+    let turn = nalgebra::Rotation3::from_euler_angles(0.3, -1.1, 2.0);
+    let mut moved = mesh.clone();
+    moved.positions_mut().as_mut_slice().iter_mut().for_each(|p| *p = turn * *p * 7.5 + Vec3::new(3.0, -20.0, 11.0));
+    for energy in ENERGIES {
+        let value = |mesh: &TriMesh| {
+            let mut gradient = vec![0.0; 3 * mesh.vertex_count()];
+            let parts = Evaluator::new(mesh, energy, Weights::default()).evaluate(&flatten(mesh), &mut gradient);
+            (parts.energy, gradient)
+        };
+        let ((a, g), (b, k)) = (value(&mesh), value(&moved));
+        assert!((a - b).abs() < 1e-12 * a, "{energy:?}");
+        for (g, k) in g.as_chunks::<3>().0.iter().zip(k.as_chunks::<3>().0) {
+            assert!((turn * Vec3::from(*g) / 7.5 - Vec3::from(*k)).norm() < 1e-11, "{energy:?}");
+        }
+    }
+}
+
+#[test]
+fn results_do_not_depend_on_the_number_of_threads() {
+    let mesh = shaken(&subdivide(&subdivide(&ball()).unwrap()).unwrap(), 0.01);
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let weights = Weights { angle: 1.0, fold: 1.0, defect: 1.0, area: 1.0 };
+            let mut gradient = vec![0.0; 3 * mesh.vertex_count()];
+            let parts = Evaluator::new(&mesh, &ENERGIES[0], weights).evaluate(&flatten(&mesh), &mut gradient);
+            (parts, gradient)
+        })
+    };
+    assert_eq!(run(1), run(2));
+}
+
+#[test]
+fn eigenvectors_stay_right_near_repeated_eigenvalues() {
+    // A regular pyramid over a hexagon has λ1 = λ2; a nearly flat one has both tiny. Slightly uneven ones make the
+    // direction well defined but hard; there the gradient must still be that of the differences.
+    for (height, uneven) in [(0.5, 1e-3), (0.5, 1e-5), (1e-2, 1e-3), (1e-3, 1e-4)] {
+        let mut positions = vec![Vec3::new(0.0, 0.0, height)];
+        positions.extend((0..6).map(|k| {
+            let phi = f64::from(k) * std::f64::consts::FRAC_PI_3;
+            Vec3::new(phi.cos() * (1.0 + uneven), phi.sin(), 0.0)
+        }));
+        let faces: Vec<_> = (0..6).map(|k| [0, 1 + k, 1 + (k + 1) % 6]).collect();
+        let mesh = TriMesh::new(positions, &faces).unwrap();
+        let mut evaluator = Evaluator::new(&mesh, &ENERGIES[0], Weights::default());
+        let mut gradient = vec![0.0; 21];
+        let lambda = evaluator.evaluate(&flatten(&mesh), &mut gradient).energy;
+        // Across the long axis: the ruling is ±x, so only the normals' x components count.
+        let exact: f64 =
+            mesh.outgoing(VertexId(0)).map(|h| mesh.corner_angle(h) * mesh.normal(mesh.face(h)).x.powi(2)).sum();
+        assert!((lambda - exact).abs() <= 1e-12 * exact, "{height} {uneven}: {lambda:e} {exact:e}");
+    }
+}
+
+/// A direction that only looks random.
+fn direction(n: usize) -> Vec<f64> {
+    (0..n).map(|i| (1.7 * i as f64 + 0.3).sin()).collect()
+}
+
+fn assembled(mesh: &TriMesh, weights: Weights) -> SymmetricMatrix {
+    let evaluator = Evaluator::new(mesh, &ENERGIES[0], weights);
+    let curvature = Curvature::new(mesh).unwrap();
+    let mut hessian = curvature.matrix();
+    curvature.assemble(mesh, &evaluator, None, &mut hessian);
+    hessian
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+#[test]
+fn the_curvature_is_the_exact_hessian_where_the_energy_vanishes() {
+    for mesh in ruled() {
+        let mut evaluator = Evaluator::new(&mesh, &ENERGIES[0], Weights::default());
+        let (x, v) = (flatten(&mesh), direction(3 * mesh.vertex_count()));
+        let model = assembled(&mesh, Weights::default()).multiply(&v);
+        let mut gradient = |t: f64| {
+            let moved: Vec<f64> = x.iter().zip(&v).map(|(x, v)| x + t * v).collect();
+            let mut gradient = vec![0.0; x.len()];
+            evaluator.evaluate(&moved, &mut gradient);
+            gradient
+        };
+        let h = 1e-6;
+        let (ahead, behind) = (gradient(h), gradient(-h));
+        let largest = model.iter().fold(0.0_f64, |m, a| m.max(a.abs()));
+        assert!(largest > 0.1);
+        for (i, m) in model.iter().enumerate() {
+            let difference = (ahead[i] - behind[i]) / (2.0 * h);
+            assert!((m - difference).abs() < 1e-5 * largest, "{i}: {m} {difference}");
+        }
+    }
+}
+
+#[test]
+fn the_curvature_of_barriers_is_that_of_gauss_and_newton() {
+    let mesh = shaken(&ball(), 0.17);
+    let v = direction(3 * mesh.vertex_count());
+    let h = 1e-6;
+    let moved = |t: f64| {
+        let mut mesh = mesh.clone();
+        let x: Vec<f64> = flatten(&mesh).iter().zip(&v).map(|(x, v)| x + t * v).collect();
+        set_positions(&mut mesh, &x);
+        mesh
+    };
+    let (ahead, behind) = (moved(h), moved(-h));
+    let rate = |f: &dyn Fn(&TriMesh) -> f64| (f(&ahead) - f(&behind)) / (2.0 * h);
+    let off = Weights::default();
+    let plain = assembled(&mesh, off).multiply(&v);
+    let model = |weights: Weights| dot(&v, &assembled(&mesh, weights).multiply(&v)) - dot(&v, &plain);
+    let angle: f64 = mesh
+        .halfedges()
+        .map(|c| 2.0 * (barrier::ANGLE.root(mesh.corner_angle(c)).1 * rate(&|m| m.corner_angle(c))).powi(2))
+        .sum();
+    let cosine = |m: &TriMesh, e| m.dihedral_cosine(e).unwrap();
+    let fold: f64 =
+        mesh.edges().map(|e| 2.0 * (barrier::FOLD.root(cosine(&mesh, e)).1 * rate(&|m| cosine(m, e))).powi(2)).sum();
+    let defect: f64 = mesh
+        .vertices()
+        .filter(|&v| mesh.angle_defect(v).abs() > barrier::DEFECT)
+        .map(|v| 2.0 * rate(&|m| m.angle_defect(v)).powi(2))
+        .sum();
+    let mean = mesh.total_area() / mesh.face_count() as f64;
+    let area: f64 = mesh
+        .faces()
+        .map(|f| {
+            let ratio = mesh.area(f) / (mesh.area(f) * mean).sqrt();
+            (ratio + 1.0 / ratio) * rate(&|m| m.area(f).ln()).powi(2)
+        })
+        .sum();
+    for (name, weights, expected) in [
+        ("angle", Weights { angle: 1.0, ..off }, angle),
+        ("fold", Weights { fold: 1.0, ..off }, fold),
+        ("defect", Weights { defect: 1.0, ..off }, defect),
+        ("area", Weights { area: 1.0, ..off }, area),
+    ] {
+        let found = model(weights);
+        assert!(expected > 0.0 && (found - expected).abs() < 1e-6 * expected, "{name}: {found} {expected}");
+    }
+}
+
+fn options(max_deviation: f64) -> Options {
+    Options {
+        energy: &ENERGIES[0],
+        optimizer: Optimizer::Levenberg,
+        max_deviation,
+        fidelity: true,
+        levels: Some(0),
+        rounds: 2,
+        iterations: None,
+    }
+}
+
+#[test]
+fn the_promise_is_kept_and_nothing_folds() {
+    let source = shapes::torus(1.0, 0.4, 24, 12);
+    let start = shaken(&source, 0.01);
+    for optimizer in [Optimizer::Lbfgs, Optimizer::Levenberg] {
+        let options = Options { optimizer, levels: Some(1), ..options(0.05) };
+        let out = develop(&source, &start, &options, &Monitor::silent()).unwrap();
+        assert_eq!(out.mesh.face_count(), 4 * start.face_count());
+        let bound = two_sided_bounds(&source, &out.mesh, 0.01, &Monitor::silent()).unwrap().upper;
+        assert!(bound <= 0.05, "{optimizer:?}: {bound}");
+        assert!(folded_edges(&out.mesh).is_empty());
+        assert!(smallest_angle(&out.mesh).to_degrees() > 7.0);
+        let (first, end) = (out.rounds[0].energy_start, out.energy.iter().sum::<f64>());
+        assert!(end < 0.2 * first, "{optimizer:?}: {first} {end}");
+    }
+}
+
+#[test]
+fn folds_of_the_start_are_undone() {
+    let source = shapes::torus(1.0, 0.4, 24, 12);
+    let mut start = source.clone();
+    // Pushes a vertex across its neighbour.
+    let (v, w) = (VertexId(30), start.neighbors(VertexId(30)).next().unwrap());
+    let target = start.position(v) + 1.4 * (start.position(w) - start.position(v));
+    start.positions_mut()[v] = target;
+    assert!(!folded_edges(&start).is_empty());
+    let out = develop(&source, &start, &options(0.08), &Monitor::silent()).unwrap();
+    assert!(folded_edges(&out.mesh).is_empty());
+}
+
+#[test]
+fn the_flow_does_not_depend_on_the_number_of_threads() {
+    let source = shapes::icosphere(1.0, 3);
+    for optimizer in [Optimizer::Lbfgs, Optimizer::Levenberg] {
+        let run = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let options = Options { optimizer, rounds: 1, ..options(0.03) };
+            pool.install(|| develop(&source, &source, &options, &Monitor::silent()).unwrap())
+        };
+        assert_eq!(run(1), run(2), "{optimizer:?}");
+    }
+}
+
+#[test]
+fn what_needs_no_flow_is_returned_as_it_is() {
+    let triangle =
+        TriMesh::new([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].map(Vec3::from).to_vec(), &[[0, 1, 2]]).unwrap();
+    for mesh in ruled().into_iter().chain([triangle]) {
+        let out = develop(&mesh, &mesh, &options(0.01), &Monitor::silent()).unwrap();
+        assert_eq!(out.mesh, mesh);
+        assert_eq!(out.rounds[0].stopped, "developable already");
+    }
+}
+
+#[test]
+fn bad_starts_and_interruptions_are_told() {
+    let source = ball();
+    let mut start = source.clone();
+    let [a, b, _] = start.face_vertices(FaceId::new(7));
+    let target = start.position(a);
+    start.positions_mut()[b] = target;
+    let error = develop(&source, &start, &options(0.1), &Monitor::silent()).unwrap_err();
+    assert!(matches!(error, DevelopError::Degenerate { .. }), "{error}");
+    let stop = Monitor::new(&|| true, &|_, _| (), &|| 0.0);
+    let error = develop(&source, &source, &options(0.1), &stop).unwrap_err();
+    assert_eq!(error, DevelopError::Cancelled(Cancelled));
+}
