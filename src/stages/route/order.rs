@@ -82,6 +82,7 @@ pub(super) fn enclosed(mut items: Vec<Item>) -> Vec<Item> {
     items
 }
 
+#[cfg(test)]
 /// Travel of a tour that starts at `start` and may end anywhere, mm.
 pub(super) fn travel(items: &[Item], start: Vec2, tour: &[Visit]) -> f64 {
     let mut at = start;
