@@ -155,13 +155,6 @@ impl Profiles {
         };
         material.prepare(&mut machine, kept).map_err(|fault| mismatch(fault, &machine))?;
         machine.check().map_err(|fault| mismatch(fault, &machine))?;
-        if (0..2).any(|axis| material.sheet[axis].mm > machine.bed[axis].mm) {
-            let message = format!(
-                "of {} × {} mm is larger than the machine's travel of {} × {} mm; set `sheet` in [material] to at most that",
-                material.sheet[0].mm, material.sheet[1].mm, machine.bed[0].mm, machine.bed[1].mm,
-            );
-            return Err(mismatch(Fault::new("sheet", message), &machine));
-        }
         Ok(Self { material, machine })
     }
 }
@@ -347,12 +340,12 @@ mod tests {
                             assert!(!beam || tool.power > 0.0, "{}: {operation:?} without power", machine.name);
                         }
                     }
-                    Err(ProfileError::Mismatch { key, .. }) => assert!(key == "process" || key == "sheet"),
+                    Err(ProfileError::Mismatch { key, .. }) => assert_eq!(key, "process"),
                     Err(other) => panic!("{} on {}: {other}", material.name, machine.name),
                 }
             }
         }
-        assert_eq!(good, 6, "paper on all three, felt on pen and laser, plywood on the laser");
+        assert_eq!(good, 7, "paper on all three, felt and plywood on pen and laser");
     }
 
     #[test]
@@ -401,7 +394,6 @@ mod tests {
             ("thickness = -1", "", "[material] `thickness`: must be a finite number above 0, not -1"),
             ("thickness = nan", "", "[material] `thickness`: must be a finite number above 0, not NaN"),
             ("margin = 160", "", "[material] `margin`: of 160 mm on both sides leaves nothing"),
-            ("sheet = [500, 200]", "", "`sheet` of 500 × 200 mm is larger than the machine's travel of 420 × 297 mm"),
             (
                 "profile = \"plywood-3mm\"",
                 "",
