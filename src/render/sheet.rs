@@ -24,6 +24,8 @@ pub struct SheetStyle<'a> {
 
 /// White space around the stock, as a share of its longer side.
 const BORDER: f64 = 0.02;
+/// How far the colour of a part is moved towards white.
+const PALER: f64 = 0.55;
 const DESK: Rgb = [0xe9, 0xec, 0xf0];
 const EDGE: Rgb = [0x8a, 0x93, 0x9e];
 
@@ -101,7 +103,9 @@ impl Canvas<'_> {
         self.pixmap.stroke_path(path, &Self::paint(rgb), &stroke, Transform::identity(), None);
     }
 
+    /// Fills a part, lightly, so that every line shows on it.
     fn fill(&mut self, part: &Part, rgb: Rgb) {
+        let rgb = rgb.map(|it| it + (f64::from(255 - it) * PALER).round() as u8);
         if let Some(path) = outline(part.contours.iter().map(|it| (it.as_slice(), true)), self.place) {
             self.pixmap.fill_path(&path, &Self::paint(rgb), FillRule::EvenOdd, Transform::identity(), None);
         }
@@ -149,7 +153,7 @@ mod tests {
             let pixel = picture.pixel((20.0 + 5.0 * x) as u32, (20.0 + 5.0 * (100.0 - y)) as u32).unwrap();
             [pixel.red(), pixel.green(), pixel.blue()]
         };
-        assert_eq!(at(25.0, 25.0), [0, 200, 0], "inside the part");
+        assert_eq!(at(25.0, 25.0), [140, 230, 140], "inside the part");
         assert_eq!(at(50.0, 50.0), [255, 255, 255], "in its hole");
         assert_eq!(at(150.0, 50.0), [255, 255, 255], "beside it");
         assert_eq!(at(-2.0, 50.0), DESK, "off the sheet");
