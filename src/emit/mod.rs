@@ -5,6 +5,7 @@ mod dxf;
 mod gcode;
 mod hpgl;
 pub mod obj;
+pub mod stl;
 mod svg;
 
 use std::{collections::BTreeSet, io};

@@ -109,7 +109,38 @@ impl TriMesh {
         let twins = pair_halfedges(&positions, faces)?;
         let (edges, edge_of) = number_edges(&twins);
         let outgoing = fans(&positions, &tails, &twins)?;
-        Ok(Self { positions: Field::from_vec(positions), tails, twins, outgoing, edges, edge_of })
+        let mesh = Self { positions: Field::from_vec(positions), tails, twins, outgoing, edges, edge_of };
+        debug_assert_eq!(mesh.validate(), Ok(()));
+        Ok(mesh)
+    }
+
+    /// Checks every invariant of the connectivity, and that positions are finite; the reason where one is broken.
+    /// [`TriMesh::new`] runs it in debug builds; after moving positions, run it in a `debug_assert_eq!`. O(F).
+    pub fn validate(&self) -> Result<(), String> {
+        let hold = |holds: bool, what: &dyn Fn() -> String| if holds { Ok(()) } else { Err(what()) };
+        for h in self.halfedges() {
+            if let Some(twin) = self.twin(h) {
+                let opposite = self.tail(twin) == self.head(h) && self.head(twin) == self.tail(h);
+                hold(self.twin(twin) == Some(h) && opposite, &|| format!("halfedge {h} and its twin {twin} disagree"))?;
+            }
+            let e = self.edge(h);
+            let first = self.twin(h).map_or(h, |twin| twin.min(h));
+            hold(self.halfedge(e) == first, &|| format!("halfedge {h} does not belong to its edge {e}"))?;
+        }
+        let mut degree = Field::<VertexId, usize>::filled(self.vertex_count(), 0);
+        let mut boundary = Field::<VertexId, bool>::filled(self.vertex_count(), false);
+        for h in self.halfedges() {
+            degree[self.tail(h)] += 1;
+            boundary[self.tail(h)] |= self.twin(h).is_none();
+        }
+        for v in self.vertices() {
+            // The first one and the end of the walk bound the count, so a broken fan cannot walk for ever.
+            let fan = self.outgoing(v).take(degree[v] + 1).filter(|&h| self.tail(h) == v).count();
+            hold(fan == degree[v] && fan > 0, &|| format!("vertex {v} has {} faces, its fan {fan}", degree[v]))?;
+            hold(self.is_boundary_vertex(v) == boundary[v], &|| format!("the fan of vertex {v} starts inside"))?;
+            hold(self.position(v).iter().all(|it| it.is_finite()), &|| format!("vertex {v} is not at a finite place"))?;
+        }
+        Ok(())
     }
 
     /// Number of vertices.
@@ -473,3 +504,6 @@ fn fans(positions: &[Vec3], tails: &[VertexId], twins: &[u32]) -> Result<Field<V
     }
     Ok(outgoing)
 }
+
+#[cfg(test)]
+mod tests;
