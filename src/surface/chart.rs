@@ -71,6 +71,22 @@ impl Chart {
         self.vertex_count() as i64 - edges as i64 + self.faces.len() as i64
     }
 
+    /// Number of the loop for every vertex on one, `u32::MAX` for the others.
+    pub fn loop_of_vertices(&self) -> Vec<u32> {
+        let mut out = vec![NONE; self.vertex_count()];
+        for (k, path) in self.loops.iter().enumerate() {
+            for &(_, v) in path {
+                out[v as usize] = k as u32;
+            }
+        }
+        out
+    }
+
+    /// Whether a connected chart has a boundary and no handle.
+    pub fn is_planar(&self) -> bool {
+        !self.loops.is_empty() && self.euler_characteristic() == 2 - self.loops.len() as i64
+    }
+
     /// Whether a connected chart is a disk.
     pub fn is_disk(&self) -> bool {
         self.loops.len() == 1 && self.euler_characteristic() == 1

@@ -48,7 +48,7 @@ pub fn cut_to_disks(
         }
         let chart = builder.chart(chart.faces, &|e| cut[e]);
         let graph = EdgeGraph::new(mesh, &chart, weight);
-        let mut group = loop_groups(&chart);
+        let mut group = chart.loop_of_vertices();
         let mut groups = chart.loops.len() as u32;
         for v in 0..chart.vertex_count() {
             if is_terminal[chart.origin[v]] && group[v] == NONE {
@@ -64,17 +64,6 @@ pub fn cut_to_disks(
         }
     }
     Ok(())
-}
-
-/// Number of the loop for every vertex on one.
-fn loop_groups(chart: &Chart) -> Vec<u32> {
-    let mut group = vec![NONE; chart.vertex_count()];
-    for (k, path) in chart.loops.iter().enumerate() {
-        for &(_, v) in path {
-            group[v as usize] = k as u32;
-        }
-    }
-    group
 }
 
 /// Whether the only two terminals are neighbours: a cut of a single edge does not open a surface.
@@ -304,7 +293,7 @@ fn shortest_substitute(
     rim.sort_unstable();
     let glued = |e: EdgeId| cut[e] && !arc.contains(&e);
     let chart = builder.chart(before.faces, &glued);
-    let mut group = loop_groups(&chart);
+    let mut group = chart.loop_of_vertices();
     let halves: Vec<u32> = (0..chart.loops.len() as u32)
         .filter(|&k| chart.loops[k as usize].iter().any(|it| rim.binary_search(&it.0).is_ok()))
         .collect();

@@ -3,10 +3,13 @@
 //!
 //! Notation: A the cotangent Laplacian (positive semidefinite) split into interior I and boundary B; K the angle defect
 //! of an interior vertex, k = π − Σ angles the exterior angle of a boundary vertex; l boundary edge lengths.
-use super::chart::{Chart, Metric};
+use super::{
+    chart::{Chart, ChartBuilder, Metric},
+    paths::{EdgeGraph, joining_tree},
+};
 use crate::{
     geom::Vec2,
-    mesh::{FaceId, HalfedgeId, VertexId},
+    mesh::{EdgeId, FaceId, Field, HalfedgeId, VertexId},
     numeric::sparse::{Cholesky, SparseError, SymmetricMatrix},
 };
 
@@ -28,6 +31,18 @@ pub enum FlattenError {
         loops: usize,
         /// V − E + F.
         euler: i64,
+    },
+    /// Several boundary loops, and not flat as it is.
+    #[error(
+        "the piece around face {face} has holes and does not lie flat as it is: cut open, its sides lie {gap:.3} mm apart at vertex {vertex}"
+    )]
+    DoesNotClose {
+        /// Its first face.
+        face: FaceId,
+        /// A vertex that would have to be in two places.
+        vertex: VertexId,
+        /// Their distance, mm.
+        gap: f64,
     },
     /// The Laplacian could not be factored even with clamped weights.
     #[error("the Laplacian of the piece around face {face} cannot be factored near vertex {vertex}: {source}")]
@@ -123,6 +138,12 @@ impl<'a> Flattener<'a> {
         out
     }
 
+    /// Flat interior angle π − k̃ per local vertex on the boundary; 0 in the interior.
+    pub fn interior_angles(&self) -> Vec<f64> {
+        let exterior = self.exterior_angles().into_iter().zip(&self.chart.on_boundary);
+        exterior.map(|(angle, &boundary)| if boundary { std::f64::consts::PI - angle } else { 0.0 }).collect()
+    }
+
     /// Plane coordinates per local vertex, mm: the best-fit closed curve with the new exterior angles (lengths changed
     /// least in the sense of Σ (l̃ − l)² / l, section 5.3), then both coordinates extended harmonically.
     pub fn flatten(&self) -> Result<Vec<Vec2>, FlattenError> {
@@ -191,6 +212,72 @@ impl<'a> Flattener<'a> {
     fn weight(&self, h: HalfedgeId) -> f64 {
         weight(self.metric, h).max(self.clamp)
     }
+}
+
+/// A planar domain in the plane.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FlatDomain {
+    /// Plane coordinates per local vertex, mm.
+    pub uv: Vec<Vec2>,
+    /// Log conformal factor per local vertex.
+    pub log_factor: Vec<f64>,
+    /// Flat interior angle per local vertex on the boundary, radians; 0 in the interior.
+    pub interior_angle: Vec<f64>,
+}
+
+/// Flattens a connected chart with any number of boundary loops, made by `builder` with `cut`. Several loops are joined by
+/// slits, the disk that leaves is flattened, and the slits are welded: where their sides lie further apart than
+/// `tolerance` (mm) the chart does not lie flat as it is, which is an error.
+pub fn flatten_domain(
+    builder: &mut ChartBuilder,
+    metric: &Metric,
+    chart: &Chart,
+    cut: &impl Fn(EdgeId) -> bool,
+    tolerance: f64,
+) -> Result<FlatDomain, FlattenError> {
+    if chart.loops.len() <= 1 {
+        return flatten_disk(metric, chart);
+    }
+    let mesh = builder.mesh();
+    let length = Field::from_fn(mesh.edge_count(), |e| metric.length[mesh.halfedge(e)]);
+    let mut slits: Vec<EdgeId> = joining_tree(&EdgeGraph::new(mesh, chart, &length), &chart.loop_of_vertices())
+        .into_iter()
+        .map(|h| mesh.edge(h))
+        .collect();
+    slits.sort_unstable();
+    let disk = builder.chart(chart.faces.clone(), &|e| cut(e) || slits.binary_search(&e).is_ok());
+    let flat = flatten_disk(metric, &disk)?;
+    let n = chart.vertex_count();
+    let mut out =
+        FlatDomain { uv: vec![Vec2::repeat(f64::NAN); n], log_factor: vec![0.0; n], interior_angle: vec![0.0; n] };
+    let mut seen = vec![false; disk.vertex_count()];
+    let corners = chart.corners.iter().flatten().zip(disk.corners.iter().flatten());
+    for (&v, &copy) in corners {
+        let (v, copy) = (v as usize, copy as usize);
+        if std::mem::replace(&mut seen[copy], true) {
+            continue;
+        }
+        let gap = (out.uv[v] - flat.uv[copy]).norm();
+        if gap > tolerance {
+            return Err(FlattenError::DoesNotClose { face: chart.faces[0], vertex: chart.origin[v], gap });
+        }
+        // The first copy stands for all: the others lie within the tolerance.
+        if gap.is_nan() {
+            out.uv[v] = flat.uv[copy];
+            out.log_factor[v] = flat.log_factor[copy];
+        }
+        if chart.on_boundary[v] {
+            out.interior_angle[v] += flat.interior_angle[copy];
+        }
+    }
+    Ok(out)
+}
+
+/// Flattens a disk.
+pub fn flatten_disk(metric: &Metric, chart: &Chart) -> Result<FlatDomain, FlattenError> {
+    let flattener = Flattener::new(metric, chart)?;
+    let interior_angle = flattener.interior_angles();
+    Ok(FlatDomain { uv: flattener.flatten()?, log_factor: flattener.log_factor, interior_angle })
 }
 
 /// Share of one face in the weight of an edge.

@@ -12,7 +12,7 @@ const CELLS_PER_TRIANGLE: f64 = 4.0;
 /// All pairs of triangles (of any orientation) whose interiors intersect, decided exactly, with the area of the
 /// intersection, mm². Pairs (i, j) with i < j, ascending.
 pub fn overlapping_triangles(triangles: &[[Vec2; 3]]) -> Vec<(usize, usize, f64)> {
-    let boxes: Vec<Box2> = triangles.iter().map(|it| Box2::of(it)).collect();
+    let boxes: Vec<Box2> = triangles.iter().map(Box2::of).collect();
     let mut out = Vec::new();
     touching_boxes(&boxes, &mut |i, j| {
         if triangles_overlap(triangles[i], triangles[j]) {
@@ -57,19 +57,25 @@ fn touching_boxes(boxes: &[Box2], visit: &mut dyn FnMut(usize, usize)) {
     }
 }
 
-/// Pairs (i, j), i < j, of edges of a closed outline that do not follow one another and come closer than `clearance`, mm;
-/// crossing and touching edges are at distance 0. Edge i runs from point i to the next. Ascending.
-pub fn close_edges(outline: &[Vec2], clearance: f64) -> Vec<(usize, usize)> {
-    let n = outline.len();
-    let segment = |i: usize| Segment { a: outline[i], b: outline[(i + 1) % n], line: 0, index: i };
-    let tree = SegmentTree::of_segments((0..n).map(segment).collect());
+/// Pairs (i, j), i < j, of edges of closed contours that do not follow one another and come closer than `clearance`, mm;
+/// crossing and touching edges are at distance 0. Edges are numbered through all contours; each runs from the point of
+/// its number to the next of its contour. Ascending.
+pub fn close_edges(contours: &[Vec<Vec2>], clearance: f64) -> Vec<(usize, usize)> {
+    let tree = SegmentTree::of_contours(contours);
+    let mut starts = vec![0];
+    for contour in contours {
+        starts.push(starts[starts.len() - 1] + contour.len());
+    }
+    let number = |it: &Segment| starts[it.line] + it.index;
+    let follows = |s: &Segment, t: &Segment| {
+        let n = contours[s.line].len();
+        s.line == t.line && ((s.index + 1) % n == t.index || (t.index + 1) % n == s.index)
+    };
     let mut out = Vec::new();
-    for i in 0..n {
-        let s = segment(i);
+    for s in tree.segments() {
         tree.visit(&Box2::of([&s.a, &s.b]).grown(clearance), &mut |t| {
-            let follows = t.index == i + 1 || (i == 0 && t.index + 1 == n);
-            if t.index > i && !follows && segment_distance(s.a, s.b, t.a, t.b) < clearance {
-                out.push((i, t.index));
+            if number(t) > number(s) && !follows(s, t) && segment_distance(s.a, s.b, t.a, t.b) < clearance {
+                out.push((number(s), number(t)));
             }
             true
         });
@@ -114,8 +120,13 @@ mod tests {
                 .map(|[x, y]| Vec2::new(x, y))
                 .to_vec()
         };
-        assert!(close_edges(&points(0.1), 0.01).is_empty());
-        assert_eq!(close_edges(&points(0.004), 0.01), [(2, 4), (2, 5), (3, 5)]);
-        assert_eq!(close_edges(&points(-0.1), 0.01), [(2, 4), (2, 5), (3, 5)]);
+        assert!(close_edges(&[points(0.1)], 0.01).is_empty());
+        assert_eq!(close_edges(&[points(0.004)], 0.01), [(2, 4), (2, 5), (3, 5)]);
+        assert_eq!(close_edges(&[points(-0.1)], 0.01), [(2, 4), (2, 5), (3, 5)]);
+        let beside = points(0.1).into_iter().map(|p| p + Vec2::new(9.005, 0.0)).collect();
+        assert_eq!(
+            close_edges(&[points(0.1), beside], 0.01),
+            [(0, 7), (0, 13), (1, 7), (1, 12), (1, 13), (2, 12), (2, 13)]
+        );
     }
 }

@@ -1,6 +1,6 @@
 //! Laws of cutting and flattening, over shapes by property: developable or not, closed or not, with handles or without.
 use fabricate::{
-    geom::{Vec2, Vec3, outline::check_outline},
+    geom::{Vec2, Vec3, outline::check_outline, signed_area},
     mesh::{FaceId, Field, HalfedgeId, TriMesh, VertexId, shapes},
     model::{CutMesh, DevelopableMesh, Flattening},
     numeric::Monitor,
@@ -66,11 +66,11 @@ fn check_laws(name: &str, input: &DevelopableMesh, cut: &CutMesh, flat: &Flatten
         assert_eq!(cut.origin[mesh.tail(h)], input.mesh.tail(h), "{name}: faces keep their ids");
         assert_eq!(mesh.position(mesh.tail(h)), input.mesh.position(input.mesh.tail(h)), "{name}");
     }
-    // Pieces are the components, largest first, each a disk.
+    // Pieces are the components, largest first, each a planar domain.
     let (component, count) = mesh.components();
     assert_eq!(count, cut.pieces.len(), "{name}");
     assert_eq!(mesh.genus(), 0, "{name}");
-    assert_eq!(mesh.boundary_loops().len(), count, "{name}: every piece is a disk");
+    assert!(mesh.boundary_loops().len() >= count, "{name}: every piece has a boundary");
     let mut areas = vec![0.0; count];
     let mut component_of = vec![u32::MAX; count];
     for f in mesh.faces() {
@@ -86,9 +86,14 @@ fn check_laws(name: &str, input: &DevelopableMesh, cut: &CutMesh, flat: &Flatten
     assert!(quality.flipped.is_empty(), "{name}: {:?}", quality.flipped);
     assert!(flat.overlaps.is_empty(), "{name}: {:?}", flat.overlaps);
     assert!(flat.log_factor.iter().all(|u| u.abs() <= flat.stretch_limit), "{name}");
+    let mut contours = vec![Vec::new(); count];
     for boundary in mesh.boundary_loops() {
-        let outline: Vec<Vec2> = boundary.iter().map(|&h| flat.uv[mesh.tail(h)]).collect();
-        assert_eq!(check_outline(&[outline]), Ok(()), "{name}");
+        let contour: Vec<Vec2> = boundary.iter().map(|&h| flat.uv[mesh.tail(h)]).collect();
+        contours[cut.piece_of[mesh.face(boundary[0])].0 as usize].push(contour);
+    }
+    for mut contours in contours {
+        contours.sort_by(|a, b| signed_area(b).total_cmp(&signed_area(a)));
+        assert_eq!(check_outline(&contours), Ok(()), "{name}");
     }
     for seam in seam_lengths(cut, flat) {
         assert!(seam.mismatch() <= 0.05_f64.max(0.002 * seam.sides[0]), "{name}: {seam:?}");
@@ -132,6 +137,9 @@ fn exact_developables_lie_flat_without_stretch() {
         assert!(quality.max_log_scale.0 <= 1e-6, "{name}: {:?}", quality.max_log_scale);
         assert!(quality.max_principal_stretch <= 1e-6, "{name}: {:?}", quality.max_principal_stretch);
         assert_eq!(cut.pieces.len(), 1, "{name} lies flat in one piece");
+        if name == "annulus" {
+            assert!(cut.seams.is_empty(), "a flat ring is not cut");
+        }
     }
 }
 
@@ -213,14 +221,15 @@ fn interruption_is_passed_on() {
 }
 
 #[test]
-fn overlaps_and_flips_are_found() {
+fn flips_are_found() {
     // A strip of squares laid back over itself, and one face turned over.
     let mesh = shapes::grid(4, 1, 10.0);
     let (input, cut, mut flat) = run(mesh, 0.01);
     assert!(flat.overlaps.is_empty());
     let fold = |p: Vec2| if p.x > 20.0 { Vec2::new(40.0 - p.x, p.y) } else { p };
-    flat.uv = Field::from_vec(input.mesh.positions().iter().map(|p| fold(Vec2::new(p.x, p.y))).collect());
+    let folded = |v: VertexId| fold(input.mesh.position(cut.origin[v]).xy());
+    flat.uv = Field::from_fn(cut.mesh.vertex_count(), folded);
     let quality = quality(&cut, &flat);
     assert_eq!(quality.flipped, [4, 5, 6, 7].map(FaceId));
-    assert_eq!(quality.max_log_scale.0, 0.0);
+    assert!(quality.max_log_scale.0 < 1e-15);
 }

@@ -26,6 +26,7 @@ pub(super) fn dividing_path(
 ) -> Option<Vec<EdgeId>> {
     let chart = &piece.chart;
     let path = &chart.loops[0];
+    let outline = &piece.contours[0];
     let n = path.len();
     let graph = EdgeGraph::new(mesh, chart, weight);
     let mut position = vec![usize::MAX; chart.vertex_count()];
@@ -40,12 +41,12 @@ pub(super) fn dividing_path(
     // Twice the signed area swept from the origin by the first i edges of the outline.
     let mut swept = vec![0.0; n + 1];
     for i in 0..n {
-        swept[i + 1] = swept[i] + crate::geom::cross2(piece.outline[i], piece.outline[(i + 1) % n]);
+        swept[i + 1] = swept[i] + crate::geom::cross2(outline[i], outline[(i + 1) % n]);
     }
     let total_area: f64 = chart.faces.iter().map(|&f| metric.area[f]).sum();
     let useful_area = (new_piece * new_piece).min(0.25 * total_area);
     let cost = |length: f64, i: usize, j: usize| {
-        let chord = crate::geom::cross2(piece.outline[j], piece.outline[i]);
+        let chord = crate::geom::cross2(outline[j], outline[i]);
         let area = (0.5 * (swept[j] - swept[i] + chord)).abs();
         let share = (area.min((total_area - area).abs()) / useful_area).min(1.0);
         length + new_piece * (1.0 + 4.0 * (1.0 - share))

@@ -48,23 +48,26 @@ impl Search<'_> {
             return Ok(false);
         }
         let h = self.mesh.halfedge(run[0]);
-        let twin = self.mesh.twin(h).expect("inner edge");
+        let twin = self.mesh.twin(h).expect("inner edges have two sides");
         let (p, q) = (self.piece_of[self.mesh.face(h)], self.piece_of[self.mesh.face(twin)]);
-        let mut faces = self.pieces[p as usize].as_ref().expect("pieces of faces live").chart.faces.clone();
+        let live = |id: u32| self.pieces[id as usize].as_ref().expect("every face lies in a piece that lives");
+        let mut faces = live(p).chart.faces.clone();
         if p != q {
-            faces.extend(&self.pieces[q as usize].as_ref().expect("pieces of faces live").chart.faces);
+            faces.extend(&live(q).chart.faces);
         }
+        let closed = p == q && {
+            let slits = live(p).closed_slits(self.mesh, self.options.clearance);
+            run.iter().all(|e| slits.contains(e))
+        };
         for &e in run {
             self.cut[e] = false;
         }
         let chart = self.builder.chart(faces, &|e| self.cut[e]);
-        if chart.is_disk() {
-            let piece = super::piece::Piece::new(&self.metric, chart, self.options)?;
+        if chart.is_disk() || (closed && chart.is_planar()) {
+            let piece = self.judge(chart.faces)?;
             if piece.is_good() {
                 self.remove(p);
-                if p != q {
-                    self.remove(q);
-                }
+                self.remove(q);
                 self.insert(piece);
                 return Ok(true);
             }

@@ -66,7 +66,7 @@ pub(super) fn search(
         piece_of: Field::filled(mesh.face_count(), u32::MAX),
     };
     let all: Vec<FaceId> = mesh.faces().collect();
-    search.settle(all)?;
+    search.settle(&all)?;
     search.join()?;
     Ok(Found { cut: search.cut, terminals: terminals.len() })
 }
@@ -98,33 +98,59 @@ fn must_cut(mesh: &TriMesh, metric: &Metric, curvature: &Field<VertexId, f64>, l
 }
 
 impl Search<'_> {
+    /// Judges the component that `faces` are with the edges cut now.
+    pub(super) fn judge(&mut self, faces: Vec<FaceId>) -> Result<Piece, CutError> {
+        let Self { builder, metric, cut, options, .. } = self;
+        let chart = builder.chart(faces, &|e| cut[e]);
+        Ok(Piece::new(builder, metric, chart, &|e| cut[e], options)?)
+    }
+
     /// Cuts `faces` (whole components of the mesh as it is opened now) until every piece is good.
-    pub(super) fn settle(&mut self, faces: Vec<FaceId>) -> Result<(), CutError> {
-        let diagonal = self.mesh.bounds().diagonal();
-        let mut work = self.builder.components(&faces, &|e| self.cut[e]);
+    pub(super) fn settle(&mut self, faces: &[FaceId]) -> Result<(), CutError> {
+        let new_piece = NEW_PIECE * self.mesh.bounds().diagonal();
+        let mut work = self.builder.components(faces, &|e| self.cut[e]);
         while let Some(faces) = work.pop() {
             self.monitor.check()?;
-            let chart = self.builder.chart(faces, &|e| self.cut[e]);
-            let piece = Piece::new(&self.metric, chart, self.options)?;
-            if piece.is_good() {
-                self.insert(piece);
-                continue;
+            let mut piece = self.judge(faces)?;
+            if !piece.conflicts.is_empty() {
+                piece = self.without_closed_slits(piece)?;
             }
-            let edges = if piece.outline.is_empty() {
+            let edges = if piece.is_good() {
+                Vec::new()
+            } else if piece.contours.is_empty() {
                 relieving_cuts(self.mesh, &piece, &self.weight, self.options.stretch)
             } else {
-                dividing_path(self.mesh, &self.metric, &piece, &self.weight, NEW_PIECE * diagonal).unwrap_or_default()
+                dividing_path(self.mesh, &self.metric, &piece, &self.weight, new_piece).unwrap_or_default()
             };
-            if edges.is_empty() {
-                self.insert(piece);
-                continue;
-            }
-            for e in edges {
+            for &e in &edges {
                 self.cut[e] = true;
             }
-            work.extend(self.builder.components(&piece.chart.faces, &|e| self.cut[e]));
+            if edges.is_empty() {
+                self.insert(piece);
+            } else {
+                work.extend(self.builder.components(&piece.chart.faces, &|e| self.cut[e]));
+            }
         }
         Ok(())
+    }
+
+    /// Slits whose sides coincide in the plane serve no purpose: glued, if the piece is good without them; else as it was.
+    fn without_closed_slits(&mut self, piece: Piece) -> Result<Piece, CutError> {
+        let slits = piece.closed_slits(self.mesh, self.options.clearance);
+        if slits.is_empty() {
+            return Ok(piece);
+        }
+        for &e in &slits {
+            self.cut[e] = false;
+        }
+        let glued = self.judge(piece.chart.faces.clone())?;
+        if glued.is_good() {
+            return Ok(glued);
+        }
+        for &e in &slits {
+            self.cut[e] = true;
+        }
+        Ok(piece)
     }
 
     pub(super) fn insert(&mut self, piece: Piece) {

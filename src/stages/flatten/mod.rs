@@ -11,10 +11,14 @@ use crate::{
     surface::{
         chart::{Chart, ChartBuilder, Metric},
         distortion::Distortion,
-        flatten::{self, Flattener},
+        flatten::{self, flatten_disk, flatten_domain},
         overlap::overlapping_triangles,
     },
 };
+
+/// A piece with holes lies flat as it is when the sides of a slit between its loops stay this close, mm: a tenth of what
+/// any machine resolves.
+const WELD: f64 = 0.005;
 
 /// Why a cut mesh cannot be flattened.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -39,7 +43,7 @@ struct Flat {
     overlaps: Vec<Overlap>,
 }
 
-/// Flattens every piece with the isometric boundary ([`Flattener`]), each in a frame of its own, and finds the pairs of
+/// Flattens every piece with the isometric boundary ([`flatten_domain`]), each in a frame of its own, and finds the pairs of
 /// faces that overlap.
 pub fn flatten(cut: &CutMesh, stretch_limit: f64, monitor: &Monitor) -> Result<Flattening, FlattenError> {
     let metric = Metric::new(&cut.mesh);
@@ -56,7 +60,8 @@ pub fn flatten(cut: &CutMesh, stretch_limit: f64, monitor: &Monitor) -> Result<F
         .map(|(k, chart)| {
             monitor.check()?;
             let name = || cut.pieces[PieceId::new(k)].name.clone();
-            let flat = flatten_chart(&metric, chart).map_err(|source| FlattenError::Piece { name: name(), source });
+            let flat =
+                flatten_chart(cut, &metric, chart).map_err(|source| FlattenError::Piece { name: name(), source });
             let before = done.fetch_add(chart.faces.len(), std::sync::atomic::Ordering::Relaxed);
             let share = (before + chart.faces.len()) as f64 / cut.mesh.face_count() as f64;
             monitor.progress(share, "flattening");
@@ -80,15 +85,19 @@ pub fn flatten(cut: &CutMesh, stretch_limit: f64, monitor: &Monitor) -> Result<F
     Ok(out)
 }
 
-fn flatten_chart(metric: &Metric, chart: &Chart) -> Result<Flat, flatten::FlattenError> {
-    let flattener = Flattener::new(metric, chart)?;
-    let uv = flattener.flatten()?;
-    let triangles: Vec<[Vec2; 3]> = chart.corners.iter().map(|it| it.map(|v| uv[v as usize])).collect();
+fn flatten_chart(cut: &CutMesh, metric: &Metric, chart: &Chart) -> Result<Flat, flatten::FlattenError> {
+    // Only a piece with holes needs a builder of its own.
+    let domain = if chart.loops.len() > 1 {
+        flatten_domain(&mut ChartBuilder::new(&cut.mesh), metric, chart, &|_| false, WELD)?
+    } else {
+        flatten_disk(metric, chart)?
+    };
+    let triangles: Vec<[Vec2; 3]> = chart.corners.iter().map(|it| it.map(|v| domain.uv[v as usize])).collect();
     let overlaps = overlapping_triangles(&triangles)
         .into_iter()
         .map(|(i, j, area)| Overlap { faces: [chart.faces[i], chart.faces[j]], area })
         .collect();
-    Ok(Flat { log_factor: flattener.log_factor().to_vec(), uv, overlaps })
+    Ok(Flat { uv: domain.uv, log_factor: domain.log_factor, overlaps })
 }
 
 /// What a flattening is worth. Shares and quantiles weigh faces by their area in space; flipped faces are left out of the
