@@ -183,10 +183,11 @@ impl<'a> Placer<'a> {
         None
     }
 
-    /// Whether a straight line runs inside the part without crossing anything.
+    /// Whether a straight line runs inside the part without crossing lettering or another leader; folds and ticks it may
+    /// cross.
     fn sees(&self, a: Vec2, b: Vec2) -> bool {
         contains(self.contours, a)
-            && self.lines.visit(&Box2::of([&a, &b]), &mut |s| !segments_meet(a, b, s.a, s.b))
+            && self.outline.visit(&Box2::of([&a, &b]), &mut |s| !segments_meet(a, b, s.a, s.b))
             && !self.taken.iter().any(|it| it.hits(a, b))
     }
 
