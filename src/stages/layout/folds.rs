@@ -13,7 +13,7 @@ use crate::{
 /// Fold lines end this far from the outline, mm, so that a score does not tear the edge.
 const SETBACK: f64 = 0.3;
 /// Shorter fold lines are left out, mm: no tool scores them and they crowd out the lettering.
-const SHORTEST: f64 = 1.0;
+const SHORTEST: f64 = 3.0;
 /// Bends of a fold line smaller than this are straightened, mm.
 const STRAIGHT: f64 = 0.01;
 

@@ -2,7 +2,7 @@
 use crate::{
     geom::{
         Box2, Vec2,
-        polygon::{contains, least_box_angle, turned},
+        polygon::{contains, least_box_angle, segments_meet, turned},
         segment_tree::{Segment, SegmentTree},
         stroke_font::letter,
     },
@@ -13,6 +13,14 @@ use super::seams::Measured;
 
 /// Kept free around lettering, as a share of its height and at least this many mm.
 const CLEARANCE: (f64, f64) = (0.2, 0.3);
+/// Kept free before and after a text against other text, as a share of its height, so that two numbers do not read as one.
+const SPACING: f64 = 0.6;
+/// How far from its seam a number may stand at the end of a leader, mm.
+const LEADER: f64 = 30.0;
+/// Distances and directions tried for a leader.
+const LEADER_STEPS: (usize, usize) = (24, 24);
+/// Leaders begin this far inside the outline, mm.
+const LEADER_INSET: f64 = 0.3;
 /// Each try is this much smaller than the last.
 const SHRINK: f64 = 0.8;
 /// Places tried for a name at each size.
@@ -109,7 +117,8 @@ impl<'a> Placer<'a> {
     }
 
     fn write(&mut self, text: &str, height: f64, place: TextBox) -> Vec<Mark> {
-        self.taken.push(place);
+        let spacing = Vec2::new(SPACING * height, 0.0);
+        self.taken.push(TextBox { half: place.half + spacing, ..place });
         let lettering = letter(text, height);
         let corner = place.center - place.axis * place.half.x - place.across() * place.half.y;
         let move_to = |p: &Vec2| corner + place.axis * p.x + place.across() * p.y;
@@ -122,7 +131,7 @@ impl<'a> Placer<'a> {
     }
 
     /// Puts the number of a seam beside its middle, the outline below the text; else further along or further in, else
-    /// across, else smaller. `None` when there is no room.
+    /// across, else smaller, else at the end of a leader. `None` when there is no room.
     pub(super) fn seam_label(&mut self, seam: &Measured, side: usize, height: f64, least: f64) -> Option<Vec<Mark>> {
         let text = seam.label.to_string();
         for height in sizes(height, least) {
@@ -142,7 +151,44 @@ impl<'a> Placer<'a> {
                 }
             }
         }
+        self.leader(seam, side, least)
+    }
+
+    /// Puts the number of a seam where there is room near its middle, with a straight line from the seam to it.
+    fn leader(&mut self, seam: &Measured, side: usize, height: f64) -> Option<Vec<Mark>> {
+        let text = seam.label.to_string();
+        let size = letter(&text, height).size;
+        let (at, inward) = seam.at(side, seam.length() / 2.0, seam.length() / 4.0)?;
+        let from = at + inward * LEADER_INSET;
+        for ring in 1..=LEADER_STEPS.0 {
+            for k in 0..LEADER_STEPS.1 {
+                // Straight in first, then to both sides in turn.
+                let turn = std::f64::consts::TAU * (k as f64 / 2.0).ceil() / LEADER_STEPS.1 as f64;
+                let direction = turned(inward, if k % 2 == 0 { turn } else { -turn });
+                let center = at + direction * (LEADER * ring as f64 / LEADER_STEPS.0 as f64);
+                let axis = if direction.x < 0.0 { -direction } else { direction };
+                let place = TextBox { center, axis, half: size / 2.0 };
+                let gap = size.x / 2.0 + clearance(height);
+                let to = center - direction * gap;
+                if (to - from).dot(&direction) > 0.0 && self.free(&place) && self.sees(from, to) {
+                    let mut marks = self.write(&text, height, place);
+                    // The line is taken too, as a box without height.
+                    let half = Vec2::new((to - from).norm() / 2.0, 0.0);
+                    self.taken.push(TextBox { center: (from + to) / 2.0, axis: (to - from).normalize(), half });
+                    marks.push(Mark { operation: Operation::Registration, points: vec![from, to], closed: false });
+                    return Some(marks);
+                }
+            }
+        }
         None
+    }
+
+    /// Whether a straight line runs inside the part without crossing lettering or another leader; folds and ticks it may
+    /// cross.
+    fn sees(&self, a: Vec2, b: Vec2) -> bool {
+        contains(self.contours, a)
+            && self.outline.visit(&Box2::of([&a, &b]), &mut |s| !segments_meet(a, b, s.a, s.b))
+            && !self.taken.iter().any(|it| it.hits(a, b))
     }
 
     /// Puts the name where the part has most room, along its longer side where that fits.

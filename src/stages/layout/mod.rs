@@ -2,7 +2,8 @@
 //!
 //! Both sides of a seam carry the same number at its middle and ticks at the same places of the developed mesh, so that
 //! edges of equal length meet point by point (the flattening keeps lengths along seams). Everything is printed on the
-//! outer side of the surface, the side that faces up when the outline runs counter-clockwise.
+//! outer side of the surface, the side that faces up when the outline runs counter-clockwise. A number that finds no room
+//! is named in [`Parts::unlabelled`], except along a slit whose two sides meet at its end.
 
 mod folds;
 mod lettering;
@@ -142,7 +143,8 @@ fn dress(
     for (seam, side) in sides {
         match placer.seam_label(seam, side, options.label_height, options.least_height) {
             Some(strokes) => marks.extend(strokes),
-            None => unlabelled.push(format!("seam {} in part {name}", seam.label)),
+            None if seam.is_slit() => {}
+            None => unlabelled.push(format!("seam {} ({:.1} mm) in part {name}", seam.label, seam.length())),
         }
     }
     match placer.name(name, options.name_height, options.least_height) {

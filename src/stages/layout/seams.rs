@@ -48,6 +48,12 @@ impl Measured {
         self.along[self.along.len() - 1]
     }
 
+    /// Whether the two sides meet in a point of one piece: a slit, which shows by itself what belongs together.
+    pub(super) fn is_slit(&self) -> bool {
+        let [a, b] = &self.sides;
+        a.ends[0] == b.ends[0] || a.ends[1] == b.ends[1]
+    }
+
     fn point(&self, side: usize, s: f64) -> Vec2 {
         let k = self.along.partition_point(|&it| it < s).clamp(1, self.along.len() - 1);
         let t = ((s - self.along[k - 1]) / (self.along[k] - self.along[k - 1])).clamp(0.0, 1.0);
