@@ -135,8 +135,10 @@ impl Run<'_> {
             }
             let middle = self.mesh.position(self.mesh.tail(h)) + self.mesh.vector(h) * 0.5;
             let curve = self.is_curve(h);
-            let middle = if curve { self.on_curve(middle) } else { self.on_surface(middle) };
-            let v = self.mesh.split(h, middle);
+            let projected = if curve { self.on_curve(middle) } else { self.on_surface(middle) };
+            // Both halves must be shorter than the whole, or splitting would never end.
+            let near = (projected - middle).norm() < 0.25 * self.mesh.vector(h).norm();
+            let v = self.mesh.split(h, if near { projected } else { middle });
             queue.extend(self.mesh.spokes(v));
         }
         Ok(())
