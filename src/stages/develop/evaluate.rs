@@ -522,13 +522,7 @@ fn fold_pull(
 
 /// Gradient of each corner from the pulls on normal, angles and area of its face.
 #[inline(always)]
-fn push_group(
-    group: &FaceGroup,
-    normal_pull: Lanes3,
-    angle_pull: [Lanes; 3],
-    area_pull: Lanes,
-    out: &mut [[f64; 4]],
-) {
+fn push_group(group: &FaceGroup, normal_pull: Lanes3, angle_pull: [Lanes; 3], area_pull: Lanes, out: &mut [[f64; 4]]) {
     // ∂E/∂θ_k − ∂E/∂θ_{k+1} turns along halfedge k.
     let mut turns = [Lanes3::default(); 3];
     for k in 0..3 {

@@ -37,7 +37,8 @@ pub(in super::super) fn ruling(corners: &[Corner]) -> Lanes3 {
         zz += *angle * *z * *z;
     }
     let (trace, matrix) = (xx + yy + zz, [xx, xy, xz, yy, yz, zz]);
-    let (rough, rough_norm2) = null_vector(matrix, smallest_root(matrix, trace));
+    let (root, minors) = smallest_root(matrix, trace);
+    let (rough, rough_norm2) = null_vector(matrix, root);
     let rough = rough.scale(Lanes::splat(1.0) / rough_norm2.sqrt());
     // One Rayleigh step: the quotient from the normals is exact where the root of the cubic has cancelled.
     let mut quotient = Lanes::default();
@@ -47,8 +48,11 @@ pub(in super::super) fn ruling(corners: &[Corner]) -> Lanes3 {
     }
     let (u, norm2) = null_vector(matrix, quotient);
     let mut u = u.scale(Lanes::splat(1.0) / norm2.sqrt());
-    // A rough vector made of rounding only has a quotient that is no eigenvalue, and then the second vector looks sure.
+    // The second vector looks sure as well where the root or the first vector was made of rounding (flat stars), because
+    // then the quotient is no eigenvalue.
     let norm2 = rough_norm2.lt_select(norm2, rough_norm2, norm2);
+    let minors2 = minors * minors;
+    let norm2 = minors2.lt_select(norm2, minors2, norm2);
     let limit = trace * trace * trace * trace * Lanes::splat(UNSURE);
     // Also true for NaN, which the fallback passes on.
     if (0..LANES).any(|i| !(norm2.0[i] > limit.0[i])) {
@@ -74,10 +78,10 @@ fn null_vector([xx, xy, xz, yy, yz, zz]: [Lanes; 6], shift: Lanes) -> (Lanes3, L
     (Lanes3::lt_select(n, n20, u20, u), n.lt_select(n20, n20, n))
 }
 
-/// Smallest root of the characteristic cubic λ³ − tλ² + mλ − d by Newton's method from 0, which rises monotonically to
+/// Smallest root of the characteristic cubic λ³ − tλ² + mλ − d, and m ≈ λ2 λ3, by Newton's method from 0, which rises monotonically to
 /// it because all three roots are real and not negative.
 #[inline(always)]
-fn smallest_root([xx, xy, xz, yy, yz, zz]: [Lanes; 6], trace: Lanes) -> Lanes {
+fn smallest_root([xx, xy, xz, yy, yz, zz]: [Lanes; 6], trace: Lanes) -> (Lanes, Lanes) {
     /// Only a nearly double root, where steps merely halve the error, takes more than 6; those lanes go to the fallback.
     const STEPS: usize = 12;
     let (c00, c01, c02) = (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy);
@@ -95,7 +99,7 @@ fn smallest_root([xx, xy, xz, yy, yz, zz]: [Lanes; 6], trace: Lanes) -> Lanes {
             break;
         }
     }
-    root
+    (root, minors)
 }
 
 /// The same eigenvector for one lane whose two smaller eigenvalues nearly agree (nearly flat or nearly round stars), by

@@ -247,7 +247,8 @@ impl<'a> PolarChart<'a> {
                 let t = h / (h - g);
                 let between = [0, 1].map(|c| here.0[c] + t * (next.0[c] - here.0[c]));
                 // Where two bounds meet is known better from the bounds than from vertices that may be far away.
-                let [x, y] = if edge < 0.0 { between } else { meet(bound, self.bound(edge as usize)).unwrap_or(between) };
+                let [x, y] =
+                    if edge < 0.0 { between } else { meet(bound, self.bound(edge as usize)).unwrap_or(between) };
                 push([x, y, if h >= 0.0 { label as f64 } else { edge }]);
             }
         }

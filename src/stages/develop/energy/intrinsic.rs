@@ -1,6 +1,9 @@
 //! The intrinsic energy: the smaller eigenvalue of Σ θ N̂ N̂ᵀ, N̂ the normals in the log map at the vertex normal (SGC
 //! appendix B.5).
-use super::{Corner, Pull, Work, log_map::{Image, LogMap}};
+use super::{
+    Corner, Pull, Work,
+    log_map::{Image, LogMap},
+};
 use crate::numeric::lanes::Lanes;
 
 /// Energy of several stars of one valence; `pulls` gets its derivatives.

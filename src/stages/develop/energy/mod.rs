@@ -16,8 +16,8 @@ mod log_map;
 mod partition;
 
 use super::evaluate::StarPass;
-use log_map::Image;
 use crate::numeric::lanes::{Lanes, Lanes3};
+use log_map::Image;
 
 pub use comparison::COMPARISONS;
 
@@ -99,15 +99,18 @@ macro_rules! energy {
 }
 use energy;
 
+/// The covariance energy λ.
+pub const COVARIANCE: Energy = energy!(
+    "covariance",
+    "smallest eigenvalue of the angle-weighted covariance of the normals around a vertex (SGC eq. 3)",
+    covariance::star,
+    work: |_| 0,
+    areas: false
+);
+
 /// All energies.
 pub const ENERGIES: &[Energy] = &[
-    energy!(
-        "covariance",
-        "smallest eigenvalue of the angle-weighted covariance of the normals around a vertex (SGC eq. 3)",
-        covariance::star,
-        work: |_| 0,
-        areas: false
-    ),
+    COVARIANCE,
     energy!(
         "covariance-max",
         "least over all directions of the largest squared height of a normal above the plane across it (SGC eq. 6)",
