@@ -39,11 +39,11 @@ pub(super) fn star(corners: &[Corner], pulls: &mut [Pull], work: &mut Work) -> L
     let mut energy = highest(corners, u);
     if n > TRIPLES {
         for lane in 0..LANES {
-            if let Some((square, triple)) = clipped(corners, lane, &mut work.lanes) {
-                if square <= energy.0[lane] * (1.0 + 1e-9) {
-                    energy.0[lane] = square;
-                    pull_triple(corners, pulls, lane, &triple);
-                }
+            if let Some((square, triple)) = clipped(corners, lane, &mut work.lanes)
+                && square <= energy.0[lane] * (1.0 + 1e-9)
+            {
+                energy.0[lane] = square;
+                pull_triple(corners, pulls, lane, &triple);
             }
         }
         return energy;
@@ -188,7 +188,7 @@ fn clipped(corners: &[Corner], lane: usize, work: &mut [Lanes]) -> Option<(f64, 
                 continue;
             }
             let labels = [before as usize, after as usize];
-            let sign = |label: usize| if label % 2 == 0 { 1.0 } else { -1.0 };
+            let sign = |label: usize| if label.is_multiple_of(2) { 1.0 } else { -1.0 };
             let triple = Triple { corners: [a, labels[0] / 2, labels[1] / 2], signs: labels.map(sign) };
             let w = triple.plane(triple.corners.map(|k| normal(corners, k, lane)));
             let height = (0..n).map(|k| w.dot(&normal(corners, k, lane)).abs()).fold(0.0, f64::max);
@@ -219,7 +219,7 @@ impl<'a> PolarChart<'a> {
 
     /// 1 ∓ ⟨u, N⟩ ≥ 0 as coefficients of 1, x, y, for N with the index `label` / 2.
     fn bound(&self, label: usize) -> [f64; 3] {
-        let other = normal(self.corners, label / 2, self.lane) * if label % 2 == 0 { 1.0 } else { -1.0 };
+        let other = normal(self.corners, label / 2, self.lane) * if label.is_multiple_of(2) { 1.0 } else { -1.0 };
         [0.5 * (self.pole - other).norm_squared(), -self.axes[0].dot(&other), -self.axes[1].dot(&other)]
     }
 
