@@ -3,14 +3,15 @@
 //! At the minimum (SGC appendix B.4) three normals a, b, c, or their opposites, are equally high: the plane through a, ±b, ±c
 //! has the normal u, and the energy is its squared distance from the origin. Its foot p = α a ± β b ± γ c in barycentric
 //! coordinates gives the derivative 2 ⟨p, α da ± β db ± γ dc⟩ by the envelope theorem, since no other u is lower to first
-//! order. Few faces: all triples of several stars at once. Many: for each normal, the polygon of the directions in which it is the highest.
+//! order. With few faces all triples are tried, several stars at once. With many, the directions in which one normal is the
+//! highest form a polygon, whose vertices are the triples of that normal.
 use super::{Corner, Pull, Work, covariance};
 use crate::{
     geom::Vec3,
     numeric::lanes::{LANES, Lanes, Lanes3},
 };
 
-/// Up to this valence trying all n³ triples in lockstep is faster than clipping n² log n polygons one by one.
+/// Up to this valence trying all O(n³) triples of eight stars in lockstep is faster than clipping O(n²) times star by star.
 const TRIPLES: usize = 14;
 /// Half side of the square that stands for the plane, in units of the distance of the plane from the origin.
 const FAR: f64 = 1e10;
