@@ -1,72 +1,95 @@
-//! Cost of every developability energy with its gradient, beside a calibration kernel.
+//! Time of each developability energy with its gradient, per vertex: `cargo bench --bench energy [-- mesh files]`.
 //!
-//! `cargo bench --bench energy`. Items are vertices, so the reciprocal of the throughput is the cost per vertex; the
-//! calibration does one square root, one division and one multiplication per item and tells how fast the machine is now.
-use divan::{Bencher, black_box, counter::ItemsCount};
+//! Every sample of an energy is taken between two samples of a calibration kernel (dependent multiplications and
+//! additions, bound by the clock alone), so that a machine that is busy or slow at the moment shows. Medians of all samples.
+#![allow(clippy::print_stdout)]
 use fabricate::{
+    import::mesh::read,
     mesh::{TriMesh, shapes},
-    numeric::Monitor,
-    stages::develop::{Evaluator, Optimizer, Options, Weights, develop, energy::ENERGIES},
+    stages::develop::{
+        Evaluator, Weights,
+        energy::{COMPARISONS, ENERGIES, Energy},
+    },
 };
+use std::{hint::black_box, path::Path, time::Instant};
+
+const SAMPLES: usize = 400;
+/// Shortest sample, seconds.
+const SAMPLE: f64 = 2e-4;
+const CHAIN: usize = 20_000;
 
 fn main() {
-    // The cost is that of one core.
-    rayon::ThreadPoolBuilder::new().num_threads(1).build_global().expect("nothing has used the pool before");
-    divan::main();
+    let paths: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with("--")).collect();
+    let mut meshes: Vec<(String, TriMesh)> = Vec::new();
+    for path in &paths {
+        let soup = read(Path::new(path)).unwrap_or_else(|error| panic!("{path}: {error}"));
+        let mesh = TriMesh::new(soup.positions, &soup.faces).unwrap_or_else(|error| panic!("{path}: {error}"));
+        meshes.push((Path::new(path).file_stem().unwrap_or_default().to_string_lossy().into_owned(), mesh));
+    }
+    if meshes.is_empty() {
+        meshes.push(("torus".into(), shaken(shapes::torus(3.0, 1.0, 96, 48))));
+        meshes.push(("sphere".into(), shaken(shapes::icosphere(1.0, 4))));
+    }
+    println!("energy + gradient, µs per vertex, median of {SAMPLES} (least); clock: ns per dependent multiply and add");
+    println!("{:20}{:20}{:>18}{:>18}{:>10}{:>8}", "mesh", "energy", "one core", "two cores", "speed-up", "clock");
+    for (name, mesh) in &meshes {
+        for energy in ENERGIES.iter().chain(COMPARISONS) {
+            let [one, two] = [1, 2].map(|threads| measure(mesh, energy, threads));
+            let show = |it: &Figures| format!("{:.3} ({:.3})", it.median, it.least);
+            let ratio = one.median / two.median;
+            println!("{name:20}{:20}{:>18}{:>18}{ratio:>10.2}{:>8.2}", energy.name, show(&one), show(&two), one.clock);
+        }
+    }
 }
 
-/// A torus of 3 300 vertices, bumpy enough that no star is degenerate.
-fn bumpy() -> TriMesh {
-    let mut mesh = shapes::torus(10.0, 4.0, 66, 50);
+struct Figures {
+    median: f64,
+    least: f64,
+    clock: f64,
+}
+
+fn measure(mesh: &TriMesh, energy: &'static Energy, threads: usize) -> Figures {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads can be started");
+    pool.install(|| {
+        let mut evaluator = Evaluator::new(mesh, energy, Weights::default());
+        let x: Vec<f64> = mesh.positions().iter().flat_map(|p| [p.x, p.y, p.z]).collect();
+        let mut gradient = vec![0.0; x.len()];
+        let once = Instant::now();
+        evaluator.evaluate(&x, &mut gradient);
+        let repeat = (SAMPLE / once.elapsed().as_secs_f64()).ceil().max(1.0) as usize;
+        let (mut times, mut clocks) = (Vec::new(), Vec::new());
+        for _ in 0..SAMPLES {
+            clocks.push(chain());
+            let start = Instant::now();
+            for _ in 0..repeat {
+                black_box(evaluator.evaluate(black_box(&x), &mut gradient));
+            }
+            times.push(start.elapsed().as_secs_f64() / (repeat * mesh.vertex_count()) as f64 * 1e6);
+        }
+        times.sort_by(f64::total_cmp);
+        clocks.sort_by(f64::total_cmp);
+        Figures { median: times[SAMPLES / 2], least: times[0], clock: clocks[SAMPLES / 2] }
+    })
+}
+
+/// Nanoseconds per link of a chain of dependent multiplications and additions.
+fn chain() -> f64 {
+    let start = Instant::now();
+    let mut x = black_box(0.5);
+    for _ in 0..CHAIN {
+        x = x * 0.999 + 0.001;
+    }
+    black_box(x);
+    start.elapsed().as_secs_f64() / CHAIN as f64 * 1e9
+}
+
+/// Without the symmetry that would make every star a tie.
+fn shaken(mut mesh: TriMesh) -> TriMesh {
+    let size = 0.05 * mesh.mean_edge_length();
     for (i, p) in mesh.positions_mut().as_mut_slice().iter_mut().enumerate() {
-        *p *= 1.0 + 0.01 * (12.9898 * i as f64).sin();
+        for (k, c) in p.iter_mut().enumerate() {
+            *c += size * (((3 * i + k) as f64) * 12.9898).sin();
+        }
     }
     mesh
-}
-
-fn coordinates(mesh: &TriMesh) -> Vec<f64> {
-    mesh.positions().iter().flat_map(|p| [p.x, p.y, p.z]).collect()
-}
-
-#[divan::bench]
-fn calibration(bencher: Bencher) {
-    let x: Vec<f64> = (1..=3300).map(f64::from).collect();
-    bencher
-        .counter(ItemsCount::new(x.len()))
-        .bench_local(|| black_box(&x).iter().map(|x| 1.0 / x.sqrt() * x).fold(0.0, |a, b| a + b));
-}
-
-#[divan::bench(args = ENERGIES.iter().map(|it| it.name))]
-fn energy_and_gradient(bencher: Bencher, name: &str) {
-    evaluate(bencher, name, Weights::default());
-}
-
-#[divan::bench]
-fn covariance_with_barriers(bencher: Bencher) {
-    evaluate(bencher, "covariance", Weights { angle: 3e-4, fold: 0.01, defect: 0.1, area: 1e-4 });
-}
-
-fn evaluate(bencher: Bencher, name: &str, weights: Weights) {
-    let mesh = bumpy();
-    let energy = ENERGIES.iter().find(|it| it.name == name).expect("an energy of the list");
-    let (mut evaluator, x) = (Evaluator::new(&mesh, energy, weights), coordinates(&mesh));
-    let mut gradient = vec![0.0; x.len()];
-    bencher
-        .counter(ItemsCount::new(mesh.vertex_count()))
-        .bench_local(|| evaluator.evaluate(black_box(&x), &mut gradient));
-}
-
-#[divan::bench(args = ["lbfgs", "levenberg"], sample_count = 3)]
-fn twenty_steps(bencher: Bencher, optimizer: &str) {
-    let mesh = bumpy();
-    let options = Options {
-        energy: &ENERGIES[0],
-        optimizer: if optimizer == "lbfgs" { Optimizer::Lbfgs } else { Optimizer::Levenberg },
-        max_deviation: 0.3,
-        fidelity: false,
-        levels: Some(0),
-        rounds: 1,
-        iterations: Some(20),
-    };
-    bencher.bench_local(|| develop(&mesh, &mesh, &options, &Monitor::silent()));
 }

@@ -9,7 +9,7 @@
 //!   ∂N for a move of corner k = −s_{k+1}/(2A) ⟨N, ·⟩;  ∂ ln A = s_{k+1}/(2A) by corner k
 use super::{
     barrier::{self, Weights},
-    energy::{Corner, Energy, Pull},
+    energy::{Corner, Energy, Pull, Work},
 };
 use crate::{
     mesh::{FaceId, Id, TriMesh, VertexId},
@@ -24,8 +24,16 @@ const SLOTS: usize = 8192;
 /// Vertices per block of the gather.
 const VERTICES: usize = 1024;
 
-/// A pass over all stars for one energy; writes pulls and returns through [`Stars::partials`].
-pub(super) type StarPass = fn(&Layout, &[[f64; 4]], &mut StarData, f64);
+/// What a pass over all stars reads and writes; [`StarPass::run`] applies the energy of one star to all of them.
+pub(super) struct StarPass<'a> {
+    layout: &'a Layout,
+    /// [N, θ] per corner.
+    corners: &'a [[f64; 4]],
+    /// Doubled area per face, per group.
+    areas2: &'a [Lanes],
+    out: &'a mut StarData,
+    defect_weight: f64,
+}
 
 /// Connectivity, arranged for the passes.
 #[derive(Debug)]
@@ -70,9 +78,26 @@ struct Batch {
 pub(super) struct StarData {
     /// Per star [λ, K, 0, 0], per corner [∂/∂N, ∂/∂θ].
     slots: Vec<[f64; 4]>,
+    /// ∂/∂ ln A per row of [`StarData::slots`]; one idle row per block where the energy does not depend on areas.
+    area_slots: Vec<f64>,
     /// (energy, defect barrier) of each block.
     partials: Vec<[f64; 2]>,
-    scratch: Vec<(Vec<Corner>, Vec<Pull>)>,
+    scratch: Vec<Scratch>,
+}
+
+/// Room for one batch, per block.
+#[derive(Debug)]
+struct Scratch {
+    corners: Vec<Corner>,
+    pulls: Vec<Pull>,
+    work: Work,
+}
+
+impl Scratch {
+    fn new(energy: &Energy, valence: usize) -> Self {
+        let (corners, pulls) = (vec![Corner::default(); valence], vec![Pull::default(); valence]);
+        Self { corners, pulls, work: Work::new(energy, valence) }
+    }
 }
 
 /// What the first face pass leaves for the second.
@@ -123,6 +148,8 @@ pub struct Evaluator {
     groups: Vec<FaceGroup>,
     /// [N, θ] per corner.
     corners: Vec<[f64; 4]>,
+    /// Doubled area per face, per group.
+    areas2: Vec<Lanes>,
     stars: StarData,
     /// Gradient per corner.
     pushes: Vec<[f64; 4]>,
@@ -215,10 +242,11 @@ impl Evaluator {
                 })
             })
             .collect();
-        let scratch =
-            layout.blocks.iter().map(|it| (vec![Corner::default(); it.valence], vec![Pull::default(); it.valence]));
+        let slots = layout.blocks.len() * layout.slots_per_block + 1;
+        let scratch = layout.blocks.iter().map(|it| Scratch::new(energy, it.valence));
         let stars = StarData {
-            slots: vec![[0.0; 4]; layout.blocks.len() * layout.slots_per_block + 1],
+            slots: vec![[0.0; 4]; slots],
+            area_slots: vec![0.0; if energy.areas { slots } else { layout.blocks.len() }],
             partials: vec![[0.0; 2]; layout.blocks.len()],
             scratch: scratch.collect(),
         };
@@ -228,6 +256,7 @@ impl Evaluator {
             inverse_rest_area,
             groups: vec![FaceGroup::default(); groups],
             corners: vec![[0.0; 4]; groups * LANES * 3],
+            areas2: vec![Lanes::default(); groups],
             stars,
             pushes: vec![[0.0; 4]; groups * LANES * 3],
             partials: vec![[0.0; 3]; groups.div_ceil(GROUPS)],
@@ -240,7 +269,13 @@ impl Evaluator {
         assert_eq!(x.len(), 3 * self.layout.vertices);
         assert_eq!(gradient.len(), x.len());
         self.face_pass(x);
-        (self.energy.pass)(&self.layout, &self.corners, &mut self.stars, self.weights.defect);
+        (self.energy.pass)(StarPass {
+            layout: &self.layout,
+            corners: &self.corners,
+            areas2: &self.areas2,
+            out: &mut self.stars,
+            defect_weight: self.weights.defect,
+        });
         self.push_pass();
         self.gather_pass(gradient);
         let mut parts = Parts::default();
@@ -290,9 +325,10 @@ impl Evaluator {
         self.groups
             .par_chunks_mut(GROUPS)
             .zip(self.corners.par_chunks_mut(GROUPS * LANES * 3))
+            .zip(self.areas2.par_chunks_mut(GROUPS))
             .zip(&mut self.partials)
             .enumerate()
-            .for_each(|(b, ((groups, corners), partial))| {
+            .for_each(|(b, (((groups, corners), areas2), partial))| {
                 vectorized(
                     #[inline(always)]
                     || {
@@ -301,7 +337,8 @@ impl Evaluator {
                             let g = b * GROUPS + i;
                             let active = (layout.faces - g * LANES).min(LANES);
                             let out = &mut corners[i * LANES * 3..][..LANES * 3];
-                            let [angle, area] = face_group(x, &layout.corners[g], rest[g], &weights, group, out);
+                            let [angle, area] =
+                                face_group(x, &layout.corners[g], rest[g], &weights, group, out, &mut areas2[i]);
                             partial[0] += angle.0[..active].iter().sum::<f64>();
                             partial[1] += area.0[..active].iter().sum::<f64>();
                         }
@@ -311,7 +348,8 @@ impl Evaluator {
     }
 
     fn push_pass(&mut self) {
-        let (layout, corners, slots, weight) = (&self.layout, &self.corners, &self.stars.slots, self.weights.fold);
+        let (layout, corners, weight) = (&self.layout, &self.corners, self.weights.fold);
+        let (slots, area_slots, areas) = (&self.stars.slots, &self.stars.area_slots, self.energy.areas);
         self.groups
             .par_chunks(GROUPS)
             .zip(self.pushes.par_chunks_mut(GROUPS * LANES * 3))
@@ -345,7 +383,15 @@ impl Evaluator {
                                 partial[2] +=
                                     fold_pull(layout, corners, first, active, group.normal, weight, &mut normal_pull);
                             }
-                            push_group(group, normal_pull, angle_pull, out);
+                            let mut area_pull = group.area_pull;
+                            if areas {
+                                for i in 0..active {
+                                    for &slot in &layout.slot_of[3 * (first + i)..][..3] {
+                                        area_pull.0[i] += area_slots[slot as usize];
+                                    }
+                                }
+                            }
+                            push_group(group, normal_pull, angle_pull, area_pull, out);
                         }
                     },
                 );
@@ -397,12 +443,14 @@ fn face_group(
     weights: &Weights,
     group: &mut FaceGroup,
     corners: &mut [[f64; 4]],
+    area2_out: &mut Lanes,
 ) -> [Lanes; 2] {
     let one = Lanes::splat(1.0);
     let [p0, p1, p2] = [positions(x, &vertices[0]), positions(x, &vertices[1]), positions(x, &vertices[2])];
     let edges = [p1 - p0, p2 - p1, p0 - p2];
     let area_vector = edges[0].cross(edges[1]);
     let area2 = area_vector.dot(area_vector).sqrt();
+    *area2_out = area2;
     let inverse_area2 = one / area2;
     let normal = area_vector.scale(inverse_area2);
     group.normal = normal;
@@ -474,7 +522,7 @@ fn fold_pull(
 
 /// Gradient of each corner from the pulls on normal, angles and area of its face.
 #[inline(always)]
-fn push_group(group: &FaceGroup, normal_pull: Lanes3, angle_pull: [Lanes; 3], out: &mut [[f64; 4]]) {
+fn push_group(group: &FaceGroup, normal_pull: Lanes3, angle_pull: [Lanes; 3], area_pull: Lanes, out: &mut [[f64; 4]]) {
     // ∂E/∂θ_k − ∂E/∂θ_{k+1} turns along halfedge k.
     let mut turns = [Lanes3::default(); 3];
     for k in 0..3 {
@@ -483,7 +531,7 @@ fn push_group(group: &FaceGroup, normal_pull: Lanes3, angle_pull: [Lanes; 3], ou
     for k in 0..3 {
         let opposite = group.spin[(k + 1) % 3].scale(group.inverse_area2);
         let tilt = group.normal.scale(normal_pull.dot(opposite));
-        let push = turns[k] - turns[(k + 2) % 3] + opposite.scale(group.area_pull) - tilt;
+        let push = turns[k] - turns[(k + 2) % 3] + opposite.scale(area_pull) - tilt;
         for i in 0..LANES {
             let [x, y, z] = push.lane(i);
             out[3 * i + k] = [x, y, z, 0.0];
@@ -491,68 +539,91 @@ fn push_group(group: &FaceGroup, normal_pull: Lanes3, angle_pull: [Lanes; 3], ou
     }
 }
 
-/// Applies `star` to every batch and adds the defect barrier.
-pub(super) fn star_pass(
-    star: impl Fn(&[Corner], &mut [Pull]) -> Lanes + Sync,
-    layout: &Layout,
-    corners: &[[f64; 4]],
-    out: &mut StarData,
-    defect_weight: f64,
-) {
-    layout
-        .blocks
-        .par_iter()
-        .zip(out.slots.par_chunks_mut(layout.slots_per_block.max(1)))
-        .zip(&mut out.partials)
-        .zip(&mut out.scratch)
-        .for_each(|(((block, slots), partial), (gathered, pulls))| {
-            vectorized(
-                #[inline(always)]
-                || {
-                    *partial = [0.0; 2];
-                    for batch in &block.batches {
-                        let n = batch.valence;
-                        let (gathered, pulls) = (&mut gathered[..n], &mut pulls[..n]);
-                        let mut defect = Lanes::splat(std::f64::consts::TAU);
-                        for (k, corner) in gathered.iter_mut().enumerate() {
-                            for (i, &at) in batch.corners[k * LANES..][..LANES].iter().enumerate() {
-                                let [x, y, z, angle] = corners[at as usize];
-                                corner.normal.0[0].0[i] = x;
-                                corner.normal.0[1].0[i] = y;
-                                corner.normal.0[2].0[i] = z;
-                                corner.angle.0[i] = angle;
+impl StarPass<'_> {
+    /// Applies `star` to every batch and adds the defect barrier. The areas of the corners are given, and the pulls on them
+    /// taken, only with `AREAS`.
+    pub(super) fn run<const AREAS: bool>(self, star: impl Fn(&[Corner], &mut [Pull], &mut Work) -> Lanes + Sync) {
+        let Self { layout, corners, areas2, out, defect_weight } = self;
+        let StarData { slots, area_slots, partials, scratch } = out;
+        let rows = layout.slots_per_block.max(1);
+        layout
+            .blocks
+            .par_iter()
+            .zip(slots.par_chunks_mut(rows))
+            .zip(area_slots.par_chunks_mut(if AREAS { rows } else { 1 }))
+            .zip(partials)
+            .zip(scratch)
+            .for_each(|((((block, slots), area_slots), partial), scratch)| {
+                vectorized(
+                    #[inline(always)]
+                    || {
+                        *partial = [0.0; 2];
+                        for batch in &block.batches {
+                            let n = batch.valence;
+                            let (gathered, pulls) = (&mut scratch.corners[..n], &mut scratch.pulls[..n]);
+                            let defect = gather_batch::<AREAS>(batch, corners, areas2, gathered);
+                            // Valence 3 is left free (SGC section 4.1.4, triple points): it could only be flat.
+                            let lambda = if n > 3 {
+                                star(gathered, pulls, &mut scratch.work)
+                            } else {
+                                pulls.fill(Pull::default());
+                                Lanes::default()
+                            };
+                            partial[0] += lambda.0[..batch.lanes].iter().sum::<f64>();
+                            let mut turn = Lanes::default();
+                            if defect_weight > 0.0 {
+                                let (value, slope) = defect_barrier(defect, defect_weight);
+                                turn = slope;
+                                partial[1] += value.0[..batch.lanes].iter().sum::<f64>();
                             }
-                            defect = defect - corner.angle;
-                        }
-                        // Valence 3 is left free (SGC section 4.1.4, triple points): it could only be flat.
-                        let lambda = if n > 3 {
-                            star(gathered, pulls)
-                        } else {
-                            pulls.fill(Pull::default());
-                            Lanes::default()
-                        };
-                        partial[0] += lambda.0[..batch.lanes].iter().sum::<f64>();
-                        let mut turn = Lanes::default();
-                        if defect_weight > 0.0 {
-                            let (value, slope) = defect_barrier(defect, defect_weight);
-                            turn = slope;
-                            partial[1] += value.0[..batch.lanes].iter().sum::<f64>();
-                        }
-                        let rows = &mut slots[batch.slot..][..(n + 1) * LANES];
-                        for i in 0..LANES {
-                            rows[i] = [lambda.0[i], defect.0[i], 0.0, 0.0];
-                        }
-                        for (k, pull) in pulls.iter().enumerate() {
-                            let angle = pull.angle - turn;
+                            let rows = &mut slots[batch.slot..][..(n + 1) * LANES];
                             for i in 0..LANES {
-                                let [x, y, z] = pull.normal.lane(i);
-                                rows[(k + 1) * LANES + i] = [x, y, z, angle.0[i]];
+                                rows[i] = [lambda.0[i], defect.0[i], 0.0, 0.0];
+                            }
+                            for (k, pull) in pulls.iter().enumerate() {
+                                let angle = pull.angle - turn;
+                                for i in 0..LANES {
+                                    let [x, y, z] = pull.normal.lane(i);
+                                    rows[(k + 1) * LANES + i] = [x, y, z, angle.0[i]];
+                                }
+                            }
+                            if AREAS {
+                                let rows = &mut area_slots[batch.slot + LANES..][..n * LANES];
+                                for (row, pull) in rows.chunks_exact_mut(LANES).zip(pulls.iter()) {
+                                    row.copy_from_slice(&pull.area.0);
+                                }
                             }
                         }
-                    }
-                },
-            );
-        });
+                    },
+                );
+            });
+    }
+}
+
+/// Collects the corners of the stars of a batch; returns their angle defects.
+#[inline(always)]
+fn gather_batch<const AREAS: bool>(
+    batch: &Batch,
+    corners: &[[f64; 4]],
+    areas2: &[Lanes],
+    gathered: &mut [Corner],
+) -> Lanes {
+    let mut defect = Lanes::splat(std::f64::consts::TAU);
+    for (k, corner) in gathered.iter_mut().enumerate() {
+        for (i, &at) in batch.corners[k * LANES..][..LANES].iter().enumerate() {
+            let [x, y, z, angle] = corners[at as usize];
+            corner.normal.0[0].0[i] = x;
+            corner.normal.0[1].0[i] = y;
+            corner.normal.0[2].0[i] = z;
+            corner.angle.0[i] = angle;
+            if AREAS {
+                let face = at as usize / 3;
+                corner.area2.0[i] = areas2[face / LANES].0[face % LANES];
+            }
+        }
+        defect = defect - corner.angle;
+    }
+    defect
 }
 
 /// weight · (|K| − 1.2)₊² and its derivative by K.

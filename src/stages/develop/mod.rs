@@ -106,7 +106,8 @@ pub fn develop(
     monitor: &Monitor,
 ) -> Result<DevelopableMesh, DevelopError> {
     let finish = |mesh: TriMesh, rounds| {
-        let energy = Field::from_vec(energies(&mesh, options.energy));
+        // Whatever the flow used: cutting and reports compare this one with their tolerances.
+        let energy = Field::from_vec(energies(&mesh, &energy::COVARIANCE));
         DevelopableMesh { mesh, energy, max_deviation: options.max_deviation, rounds }
     };
     let at_start = energies(start, options.energy);

@@ -1,5 +1,5 @@
 //! The covariance energy: λ = min over |u| = 1 of Σ θ ⟨u, N⟩², the smallest eigenvalue of A = Σ θ N Nᵀ (SGC eq. 3, 4).
-use super::{Corner, Pull};
+use super::{Corner, Pull, Work};
 use crate::numeric::{
     lanes::{LANES, Lanes, Lanes3},
     symmetric3::jacobi,
@@ -7,7 +7,7 @@ use crate::numeric::{
 
 /// λ of several stars of one valence; `pulls` gets its derivatives ∂λ/∂N = 2 θ ⟨u, N⟩ u and ∂λ/∂θ = ⟨u, N⟩².
 #[inline(always)]
-pub(in super::super) fn star(corners: &[Corner], pulls: &mut [Pull]) -> Lanes {
+pub(in super::super) fn star(corners: &[Corner], pulls: &mut [Pull], _: &mut Work) -> Lanes {
     let u = ruling(corners);
     let mut lambda = Lanes::default();
     for (corner, pull) in corners.iter().zip(pulls) {
@@ -16,7 +16,7 @@ pub(in super::super) fn star(corners: &[Corner], pulls: &mut [Pull]) -> Lanes {
         // Summed from the squares themselves: a small λ keeps its digits, which det/trace formulas lose.
         lambda += corner.angle * square;
         let factor = corner.angle * height;
-        *pull = Pull { normal: u.scale(factor + factor), angle: square };
+        (pull.normal, pull.angle) = (u.scale(factor + factor), square);
     }
     lambda
 }
@@ -27,7 +27,7 @@ pub(in super::super) fn ruling(corners: &[Corner]) -> Lanes3 {
     /// Below this share of trace⁴ the squared cross product of rows, about ((λ2 − λ1) λ3)², has lost too many digits.
     const UNSURE: f64 = 1e-12;
     let [mut xx, mut xy, mut xz, mut yy, mut yz, mut zz] = [Lanes::default(); 6];
-    for Corner { normal: Lanes3([x, y, z]), angle } in corners {
+    for Corner { normal: Lanes3([x, y, z]), angle, .. } in corners {
         let (ax, ay) = (*angle * *x, *angle * *y);
         xx += ax * *x;
         xy += ax * *y;
@@ -37,8 +37,9 @@ pub(in super::super) fn ruling(corners: &[Corner]) -> Lanes3 {
         zz += *angle * *z * *z;
     }
     let (trace, matrix) = (xx + yy + zz, [xx, xy, xz, yy, yz, zz]);
-    let (rough, norm2) = null_vector(matrix, smallest_root(matrix, trace));
-    let rough = rough.scale(Lanes::splat(1.0) / norm2.sqrt());
+    let (root, minors) = smallest_root(matrix, trace);
+    let (rough, rough_norm2) = null_vector(matrix, root);
+    let rough = rough.scale(Lanes::splat(1.0) / rough_norm2.sqrt());
     // One Rayleigh step: the quotient from the normals is exact where the root of the cubic has cancelled.
     let mut quotient = Lanes::default();
     for corner in corners {
@@ -47,6 +48,11 @@ pub(in super::super) fn ruling(corners: &[Corner]) -> Lanes3 {
     }
     let (u, norm2) = null_vector(matrix, quotient);
     let mut u = u.scale(Lanes::splat(1.0) / norm2.sqrt());
+    // The second vector looks sure as well where the root or the first vector was made of rounding (flat stars), because
+    // then the quotient is no eigenvalue.
+    let norm2 = rough_norm2.lt_select(norm2, rough_norm2, norm2);
+    let minors2 = minors * minors;
+    let norm2 = minors2.lt_select(norm2, minors2, norm2);
     let limit = trace * trace * trace * trace * Lanes::splat(UNSURE);
     // Also true for NaN, which the fallback passes on.
     if (0..LANES).any(|i| !(norm2.0[i] > limit.0[i])) {
@@ -72,10 +78,10 @@ fn null_vector([xx, xy, xz, yy, yz, zz]: [Lanes; 6], shift: Lanes) -> (Lanes3, L
     (Lanes3::lt_select(n, n20, u20, u), n.lt_select(n20, n20, n))
 }
 
-/// Smallest root of the characteristic cubic λ³ − tλ² + mλ − d by Newton's method from 0, which rises monotonically to
+/// Smallest root of the characteristic cubic λ³ − tλ² + mλ − d, and m ≈ λ2 λ3, by Newton's method from 0, which rises monotonically to
 /// it because all three roots are real and not negative.
 #[inline(always)]
-fn smallest_root([xx, xy, xz, yy, yz, zz]: [Lanes; 6], trace: Lanes) -> Lanes {
+fn smallest_root([xx, xy, xz, yy, yz, zz]: [Lanes; 6], trace: Lanes) -> (Lanes, Lanes) {
     /// Only a nearly double root, where steps merely halve the error, takes more than 6; those lanes go to the fallback.
     const STEPS: usize = 12;
     let (c00, c01, c02) = (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy);
@@ -93,7 +99,7 @@ fn smallest_root([xx, xy, xz, yy, yz, zz]: [Lanes; 6], trace: Lanes) -> Lanes {
             break;
         }
     }
-    root
+    (root, minors)
 }
 
 /// The same eigenvector for one lane whose two smaller eigenvalues nearly agree (nearly flat or nearly round stars), by
