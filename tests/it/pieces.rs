@@ -11,7 +11,7 @@ use fabricate::{
 };
 
 fn options(stretch: f64) -> cut::Options {
-    cut::Options { stretch, tolerance: None, clearance: 0.002, least_opening: 1e-3 }
+    cut::Options { stretch, tolerance: None, clearance: 0.002, least_opening: 1e-3, sheet: None }
 }
 
 fn developable(mesh: TriMesh) -> DevelopableMesh {

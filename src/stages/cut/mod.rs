@@ -3,12 +3,13 @@
 //!
 //! The limit is cheap to test: with the boundary kept isometric one sparse solve tells the largest |u| of a piece, and a
 //! cut through a vertex removes its curvature from the right-hand side. So cuts run to where |u| is largest, along
-//! creases; pieces that overlap themselves are divided; then whatever can be glued again within the limit is glued.
+//! creases; pieces that overlap themselves or fit on no sheet are divided; then whatever can be glued again within the limit is glued.
 mod divide;
 mod join;
 mod piece;
 mod relieve;
 mod search;
+mod sheet;
 pub mod stage;
 
 use crate::{
@@ -30,6 +31,8 @@ pub struct Options {
     pub clearance: f64,
     /// Least angle by which a slit must open at its end, radians.
     pub least_opening: f64,
+    /// Width and height that a flat piece must fit into in some rotation, mm; `None`: any size.
+    pub sheet: Option<[f64; 2]>,
 }
 
 /// Why a mesh cannot be cut.
@@ -39,7 +42,7 @@ pub enum CutError {
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
     /// A piece that cannot be flattened at all.
-    #[error("{0}; remesh the surface there (coarsen with method = \"remesh\") or repair it")]
+    #[error("{0}; remesh the surface there (coarsen with method = \"isotropic\") or repair it")]
     Flatten(#[from] FlattenError),
     /// The opened mesh is not a mesh any more.
     #[error("the mesh cannot be opened along its cuts: {0}")]

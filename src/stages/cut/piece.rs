@@ -1,5 +1,5 @@
 //! One piece on trial: its chart, its log factors, its flat outline and what is wrong with it.
-use super::Options;
+use super::{Options, sheet::too_far_apart};
 use crate::{
     geom::Vec2,
     mesh::{EdgeId, HalfedgeId, TriMesh},
@@ -22,8 +22,8 @@ pub(super) struct Piece {
     /// Flat contours, in the order of the chart's loops; empty while the log factor exceeds the limit, or when the chart
     /// does not lie flat as it is.
     pub(super) contours: Vec<Vec<Vec2>>,
-    /// Pairs of contour edges that cross, touch, or enclose less than the least opening. Edge i starts at point i, counted
-    /// through all contours.
+    /// Pairs of contour edges that cross, touch, enclose less than the least opening, or lie too far apart for the sheet.
+    /// Edge i starts at point i, counted through all contours.
     pub(super) conflicts: Vec<(usize, usize)>,
 }
 
@@ -64,6 +64,9 @@ impl Piece {
                     }
                 }
                 first += n;
+            }
+            if let Some(size) = options.sheet {
+                conflicts.extend(too_far_apart(&contours[0], size));
             }
         }
         Ok(Self { chart, log_factor, max_log_factor, contours, conflicts })

@@ -21,28 +21,46 @@ pub struct CutStage {
     pub clearance: Length,
     /// More pieces than this are a failed check.
     pub max_pieces: Option<usize>,
+    /// Whether pieces that fit on no sheet are divided.
+    pub fit_sheet: bool,
 }
 
 impl Default for CutStage {
     fn default() -> Self {
-        Self { stretch: None, tolerance: None, clearance: Length::mm(0.002), max_pieces: None }
+        Self { stretch: None, tolerance: None, clearance: Length::mm(0.002), max_pieces: None, fit_sheet: true }
     }
 }
 
 /// The least angle by which a slit opens at its end, radians: less is closed by the width of any tool.
 const LEAST_OPENING: f64 = 1e-3;
 
+/// Share of the free area of a sheet that a piece may fill: nesting works on a grid and needs a little room.
+const FITTING: f64 = 0.98;
+
+/// What the stage reads of the profiles.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Stock {
+    /// The stretch that the material takes, as |log scale|.
+    stretch: f64,
+    /// Sides of the free area of a sheet, shorter one first, mm.
+    free: [f64; 2],
+}
+
 impl Stage for CutStage {
     const NAME: &'static str = "cut";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type Input = DevelopableMesh;
     type Output = CutMesh;
-    /// The stretch that the material takes, as |log scale|.
-    type Profile = f64;
+    type Profile = Stock;
     type Error = CutError;
 
-    fn profile(profiles: &Profiles) -> f64 {
-        profiles.material.stretch
+    fn profile(profiles: &Profiles) -> Stock {
+        let Profiles { material, machine } = profiles;
+        // Sheets may lie on the bed either way; the shorter sides limit each other, and so do the longer ones.
+        let sorted = |[a, b]: [Length; 2]| [a.mm.min(b.mm), a.mm.max(b.mm)];
+        let (sheet, bed) = (sorted(material.sheet), sorted(machine.bed));
+        let free = |k: usize| FITTING * (sheet[k].min(bed[k]) - 2.0 * material.margin.mm);
+        Stock { stretch: material.stretch, free: [free(0), free(1)] }
     }
 
     fn check(&self) -> Result<(), KeyError> {
@@ -58,17 +76,18 @@ impl Stage for CutStage {
         KeyError::range("clearance", self.clearance.mm, 1e-6, 10.0)
     }
 
-    fn run(&self, input: &DevelopableMesh, stretch: &f64, cx: &Cx) -> Result<CutMesh, CutError> {
+    fn run(&self, input: &DevelopableMesh, stock: &Stock, cx: &Cx) -> Result<CutMesh, CutError> {
         let options = Options {
-            stretch: self.stretch.unwrap_or(*stretch),
+            stretch: self.stretch.unwrap_or(stock.stretch),
             tolerance: self.tolerance,
             clearance: self.clearance.mm,
             least_opening: LEAST_OPENING,
+            sheet: self.fit_sheet.then_some(stock.free),
         };
         cut(input, &options, &cx.monitor)
     }
 
-    fn section(&self, input: &DevelopableMesh, _: &f64, cut: &CutMesh) -> Section {
+    fn section(&self, input: &DevelopableMesh, _: &Stock, cut: &CutMesh) -> Section {
         let length: f64 = cut.seams.iter().flat_map(|it| &it.sides[0]).map(|&h| cut.mesh.vector(h).norm()).sum();
         let mut table = json!({
             "seam_vertices": cut.seam_vertices,
