@@ -69,23 +69,28 @@ pub struct Deviation {
     pub hausdorff: f64,
     /// Mean distance of those samples.
     pub mean: f64,
+    /// The place farthest beyond the limit asked for, and whether it lies on the result (else on the source).
+    pub worst: Option<(Violation, bool)>,
 }
 
 impl Deviation {
-    /// Measures it; the bound is at most 1 % above the true distance.
-    pub fn between(source: &TriMesh, result: &TriMesh) -> Self {
-        let bounds = two_sided_bounds(source, result, RESOLUTION, &Monitor::silent()).expect(NEVER_CANCELLED);
-        let sampled = SurfaceDistance::between(source, result);
-        Self { bound: bounds.upper, hausdorff: sampled.hausdorff, mean: sampled.mean }
-    }
-
-    /// The place farthest beyond `limit`, and whether it lies on the result (else on the source); `None` if no point is.
-    pub fn worst(source: &TriMesh, result: &TriMesh, limit: f64) -> Option<(Violation, bool)> {
-        let find = |from: &TriMesh, to: &TriMesh| {
-            violations(from, &Bvh::new(to), limit, RESOLUTION, &Monitor::silent()).expect(NEVER_CANCELLED)
+    /// Measures it and compares it with `limit`. The bound is at most 1 % above the true distance, and at most `limit` where
+    /// that could be proven.
+    pub fn between(source: &TriMesh, result: &TriMesh, limit: f64) -> Self {
+        let (to_source, to_result, monitor) = (Bvh::new(source), Bvh::new(result), Monitor::silent());
+        let find = |from, to, on_result: bool| {
+            let found = violations(from, to, limit, RESOLUTION, &monitor).expect(NEVER_CANCELLED);
+            found.into_iter().map(move |it| (it, on_result))
         };
-        let on_result = find(result, source).into_iter().map(|it| (it, true));
-        let all = on_result.chain(find(source, result).into_iter().map(|it| (it, false)));
-        all.max_by(|a, b| a.0.distance.total_cmp(&b.0.distance))
+        let all = find(result, &to_source, true).chain(find(source, &to_result, false));
+        let worst = all.max_by(|a, b| a.0.distance.total_cmp(&b.0.distance));
+        let upper = two_sided_bounds(source, result, RESOLUTION, &monitor).expect(NEVER_CANCELLED).upper;
+        let sampled = SurfaceDistance::between(source, result);
+        Self {
+            bound: if worst.is_none() { upper.min(limit) } else { upper },
+            hausdorff: sampled.hausdorff,
+            mean: sampled.mean,
+            worst,
+        }
     }
 }

@@ -161,7 +161,7 @@ impl Stage for Develop {
     fn section(&self, (source, _): (&SourceMesh, &TriMesh), _: &(), output: &DevelopableMesh) -> Section {
         let (mesh, limit) = (&output.mesh, output.max_deviation);
         let percent = 100.0 / source.mesh.bounds().diagonal();
-        let deviation = Deviation::between(&source.mesh, mesh);
+        let deviation = Deviation::between(&source.mesh, mesh, limit);
         let (defects, folds) = (Defects::of(mesh), folded_edges(mesh));
         let seam = output.energy.iter().filter(|&&energy| energy > SEAM_ENERGY).count();
         let table = json!({
@@ -191,13 +191,7 @@ impl Stage for Develop {
             }
         };
         Section::new("develop", table)
-            .check(Check::at_most(
-                "develop.deviation",
-                deviation.bound,
-                limit,
-                "mm",
-                deviation_note(source, mesh, limit),
-            ))
+            .check(Check::at_most("develop.deviation", deviation.bound, limit, "mm", deviation_note(&deviation)))
             .check(Check::at_most("develop.folds", folds.len() as f64, 0.0, "edges", fold_note))
     }
 }
@@ -218,8 +212,8 @@ fn round(it: &Round) -> serde_json::Value {
 }
 
 /// Where the surfaces are farther apart than promised.
-fn deviation_note(source: &SourceMesh, mesh: &TriMesh, limit: f64) -> String {
-    match Deviation::worst(&source.mesh, mesh, limit) {
+fn deviation_note(deviation: &Deviation) -> String {
+    match deviation.worst {
         None => "proven for every point of both surfaces, not sampled".into(),
         Some((worst, on_result)) => format!(
             "worst at ({:.3}, {:.3}, {:.3}) mm, face {} of the {}; allow more, or start from a finer mesh (coarsen.faces, develop.levels)",
