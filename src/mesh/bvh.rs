@@ -242,6 +242,10 @@ impl Bvh {
 
     /// Depth first, nearest child first; `any` is content with the first triangle that is near enough.
     fn search(&self, p: &Vec3, best: &mut Best, any: bool) {
+        // NaN would pass for near everything, the boxes of unused children too.
+        if p.iter().any(|it| it.is_nan()) {
+            return;
+        }
         let mut stack = [(0.0, Child { start: 0, count: 0 }); STACK];
         let mut top = 1;
         while top > 0 {
