@@ -12,7 +12,8 @@ use i_overlay::{
     mesh::{
         float::{
             outline::offset::OutlineOffset,
-            style::{LineJoin, OutlineStyle},
+            stroke::offset::StrokeOffset,
+            style::{LineCap, LineJoin, OutlineStyle, StrokeStyle},
         },
         math::MathMode,
     },
@@ -27,8 +28,6 @@ type Raw = Vec<Vec<[f64; 2]>>;
 
 /// Longest step along a rounded corner, radians: 5° keeps the chord error below 0.1 % of the radius.
 const ROUND_STEP: f64 = PI / 36.0;
-/// Step along the round end of a thickened segment, radians.
-const CAP_STEP: f64 = PI / 8.0;
 
 fn raw(contours: &[Vec<Vec2>]) -> Raw {
     contours.iter().map(|it| it.iter().map(|p| [p.x, p.y]).collect()).collect()
@@ -67,21 +66,14 @@ pub fn offset(region: &[Vec<Vec2>], distance: f64) -> Vec<Region> {
     regions(raw(region).outline_as::<i64>(&style))
 }
 
-/// Points within `radius` of segments; the round ends are polygons inside the true arc.
-pub fn thicken(segments: &[[Vec2; 2]], radius: f64) -> Vec<Region> {
-    let steps = (PI / CAP_STEP).round() as usize;
-    let stadium = |&[a, b]: &[Vec2; 2]| -> Vec<Vec2> {
-        let along = (b - a).try_normalize(0.0).unwrap_or_else(Vec2::x);
-        let arc = |center: Vec2, first: f64| {
-            let start = along.y.atan2(along.x) + first;
-            (0..=steps).map(move |k| {
-                let angle = start + PI * k as f64 / steps as f64;
-                center + Vec2::new(angle.cos(), angle.sin()) * radius
-            })
-        };
-        arc(b, -PI / 2.0).chain(arc(a, PI / 2.0)).collect()
-    };
-    union(&segments.iter().map(stadium).collect::<Vec<_>>(), &[])
+/// Points within `radius` of open polylines.
+pub fn thicken(lines: &[Vec<Vec2>], radius: f64) -> Vec<Region> {
+    let style = StrokeStyle::new(2.0 * radius)
+        .line_join(LineJoin::Round(ROUND_STEP))
+        .start_cap(LineCap::Round(ROUND_STEP))
+        .end_cap(LineCap::Round(ROUND_STEP))
+        .math(MathMode::Float);
+    regions(raw(lines).stroke_as::<i64>(style, false))
 }
 
 #[cfg(test)]
@@ -121,9 +113,8 @@ mod tests {
         }
         assert!((total(&offset(&a, -1.0)) - 64.0).abs() < 1e-9);
         assert!(offset(&a, -6.0).is_empty());
-        let cross = [[Vec2::new(0., 5.), Vec2::new(10., 5.)], [Vec2::new(5., 0.), Vec2::new(5., 10.)]];
-        let stroke = total(&thicken(&cross, 0.5));
-        let expected = 2.0 * (10.0 + PI * 0.25) - 1.0;
-        assert!(stroke < expected && stroke > expected - 0.05, "{stroke} for {expected}");
+        let line = [vec![Vec2::new(0., 0.), Vec2::new(10., 0.)]];
+        let stroke = total(&thicken(&line, 0.5));
+        assert!((stroke - 10.0 - PI * 0.25).abs() < 2e-3, "{stroke}");
     }
 }

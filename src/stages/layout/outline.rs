@@ -94,15 +94,15 @@ fn largest(regions: &[Region]) -> Option<&Region> {
 
 /// The stretches of edges that lie nearer than `limit` to another edge with outside (or overlap) in between. Neighbours
 /// count when they turn back on each other into the material.
-fn near_edges(contours: &[Vec<Vec2>], limit: f64) -> Vec<[Vec2; 2]> {
+fn near_edges(contours: &[Vec<Vec2>], limit: f64) -> Vec<Vec<Vec2>> {
     let tree = SegmentTree::of_contours(contours);
-    let mut near: Vec<((usize, usize), f64, [Vec2; 2])> = Vec::new();
+    let mut near: Vec<((usize, usize), f64, Vec<Vec2>)> = Vec::new();
     for &s in tree.segments() {
         let window = Box2::of([&s.a, &s.b]).grown(limit);
         tree.visit(&window, &mut |t| {
             if (s.line, s.index) != (t.line, t.index) && slit_between(contours, &s, t, limit) {
                 let [from, to] = stretch(&s, t, limit);
-                near.push(((s.line, s.index), from, [s.a + (s.b - s.a) * from, s.a + (s.b - s.a) * to]));
+                near.push(((s.line, s.index), from, vec![s.a + (s.b - s.a) * from, s.a + (s.b - s.a) * to]));
             }
             true
         });
