@@ -30,10 +30,16 @@ pub(super) fn data(text: &str) {
 
 /// An error with its causes.
 pub(super) fn error(err: &dyn Error) {
-    eprintln!("error: {err}");
+    let mut shown = err.to_string();
+    eprintln!("error: {shown}");
     let mut cause = err.source();
     while let Some(it) = cause {
-        eprintln!("  because: {it}");
+        let text = it.to_string();
+        // Some errors hold the text of their cause already.
+        if !shown.contains(&text) {
+            eprintln!("  because: {text}");
+        }
+        shown = text;
         cause = it.source();
     }
 }

@@ -1,18 +1,21 @@
 //! The registry of stages and the named recipes.
 use crate::{
     stage::StageDef,
-    stages::{coarsen, cut, develop, flatten, layout, nest, route},
+    stages::{
+        coarsen::stage::CoarsenStage, cut::stage::CutStage, develop::stage::Develop, flatten::stage::FlattenStage,
+        layout::stage::LayoutStage, nest::stage::NestStage, route::stage::RouteStage,
+    },
 };
 
 /// Every stage; a new one is one line here.
 pub const STAGES: &[StageDef] = &[
-    StageDef::of::<coarsen::stage::CoarsenStage>(),
-    StageDef::of::<develop::stage::Develop>(),
-    StageDef::of::<cut::stage::CutStage>(),
-    StageDef::of::<flatten::stage::FlattenStage>(),
-    StageDef::of::<layout::stage::LayoutStage>(),
-    StageDef::of::<nest::stage::NestStage>(),
-    StageDef::of::<route::stage::RouteStage>(),
+    StageDef::of::<CoarsenStage>(),
+    StageDef::of::<Develop>(),
+    StageDef::of::<CutStage>(),
+    StageDef::of::<FlattenStage>(),
+    StageDef::of::<LayoutStage>(),
+    StageDef::of::<NestStage>(),
+    StageDef::of::<RouteStage>(),
 ];
 
 /// A pipeline with a name.

@@ -211,7 +211,8 @@ fn bad_configs_are_told_their_line() {
 /// Fixture, exit code, and what the complaint must hold.
 const BAD_MESHES: &[(&str, &[&str])] = &[
     ("broken-nan.obj", &["nan"]),
-    ("broken-empty.obj", &["no faces"]),
+    ("broken-empty.obj", &["is empty"]),
+    ("broken-points-only.obj", &["no faces"]),
     ("broken-out-of-range.obj", &["vert"]),
     ("broken-nonmanifold-edge.obj", &["non-manifold"]),
     ("broken-moebius.obj", &["orient"]),

@@ -124,7 +124,8 @@ impl Run<'_> {
         let longest = 4.0 / 3.0 * self.length;
         let mut queue = self.live_edges();
         let mut at = 0;
-        // Halves are queued again, so a long edge is split until its parts are short.
+        // Halves are queued again, so a long edge is split until its parts are short; the edges to the apexes wait for the
+        // next round, because projection may have made them longer and splitting would not end.
         while let Some(&h) = queue.get(at) {
             at += 1;
             if at.is_multiple_of(BEAT) {
@@ -138,8 +139,9 @@ impl Run<'_> {
             let projected = if curve { self.on_curve(middle) } else { self.on_surface(middle) };
             // Both halves must be shorter than the whole, or splitting would never end.
             let near = (projected - middle).norm() < 0.25 * self.mesh.vector(h).norm();
+            let ends = [self.mesh.tail(h), self.mesh.head(h)];
             let v = self.mesh.split(h, if near { projected } else { middle });
-            queue.extend(self.mesh.spokes(v));
+            queue.extend(self.mesh.spokes(v).filter(|&spoke| ends.contains(&self.mesh.other_end(spoke, v))));
         }
         Ok(())
     }

@@ -34,6 +34,10 @@ impl Default for CutStage {
 /// The least angle by which a slit opens at its end, radians: less is closed by the width of any tool.
 const LEAST_OPENING: f64 = 1e-3;
 
+/// Share of the stretch that the log factor of a vertex may use: triangles of the flat layout stretch more than their
+/// vertices say, by up to 1.8 times for 99.9 % of the area on the meshes tried.
+const SHARE: f64 = 0.55;
+
 /// Share of the free area of a sheet that a piece may fill: nesting works on a grid and needs a little room.
 const FITTING: f64 = 0.98;
 
@@ -78,7 +82,7 @@ impl Stage for CutStage {
 
     fn run(&self, input: &DevelopableMesh, stock: &Stock, cx: &Cx) -> Result<CutMesh, CutError> {
         let options = Options {
-            stretch: self.stretch.unwrap_or(stock.stretch),
+            stretch: SHARE * self.stretch.unwrap_or(stock.stretch),
             tolerance: self.tolerance,
             clearance: self.clearance.mm,
             least_opening: LEAST_OPENING,

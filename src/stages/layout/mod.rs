@@ -3,7 +3,8 @@
 //! Both sides of a seam carry the same number at its middle and ticks at the same places of the developed mesh, so that
 //! edges of equal length meet point by point (the flattening keeps lengths along seams). Everything is printed on the
 //! outer side of the surface, the side that faces up when the outline runs counter-clockwise. A number that finds no room
-//! is named in [`Parts::unlabelled`], except along a slit whose two sides meet at its end.
+//! is named in [`Parts::unlabelled`], except along a slit whose two sides meet at its end and along seams too short to
+//! be promised one.
 
 mod folds;
 mod lettering;
@@ -25,6 +26,8 @@ use crate::{
 /// Plain options of the kernel; millimetres and radians.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
+    /// Seams from this length on must find room for their number, mm; shorter ones have it where it fits.
+    pub label_from: f64,
     /// Points of an outline nearer than this are merged.
     pub merge: f64,
     /// Slits narrower than `merge` are opened to this width; each side moves by half of it.
@@ -143,7 +146,7 @@ fn dress(
     for (seam, side) in sides {
         match placer.seam_label(seam, side, options.label_height, options.least_height) {
             Some(strokes) => marks.extend(strokes),
-            None if seam.is_slit() => {}
+            None if seam.is_slit() || seam.length() < options.label_from => {}
             None => unlabelled.push(format!("seam {} ({:.1} mm) in part {name}", seam.label, seam.length())),
         }
     }

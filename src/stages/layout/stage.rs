@@ -23,6 +23,8 @@ pub struct LayoutStage {
     pub fold_angle: Angle,
     /// Height of the numbers along seams.
     pub label: Length,
+    /// Seams from this length on are promised a number; shorter ones have one where it fits.
+    pub label_from: Length,
     /// Height of the piece names.
     pub name: Length,
     /// Lettering is made smaller where it must, down to this.
@@ -40,6 +42,7 @@ impl Default for LayoutStage {
             slit: Length::mm(0.1),
             fold_angle: Angle::degrees(30.0),
             label: Length::mm(3.0),
+            label_from: Length::mm(12.0),
             name: Length::mm(7.0),
             least_text: Length::mm(1.4),
             tick: Length::mm(2.5),
@@ -50,7 +53,7 @@ impl Default for LayoutStage {
 
 impl Stage for LayoutStage {
     const NAME: &'static str = "layout";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type Input = (CutMesh, Flattening);
     type Output = Parts;
     type Profile = ();
@@ -65,6 +68,7 @@ impl Stage for LayoutStage {
         KeyError::range("fold_angle", self.fold_angle.radians.to_degrees(), 0.1, 180.0)?;
         KeyError::range("least_text", self.least_text.mm, 0.2, 100.0)?;
         KeyError::range("label", self.label.mm, self.least_text.mm, 100.0)?;
+        KeyError::range("label_from", self.label_from.mm, 0.0, 1e6)?;
         KeyError::range("name", self.name.mm, self.least_text.mm, 200.0)?;
         KeyError::range("tick", self.tick.mm, 0.5, 50.0)?;
         KeyError::range("tick_spacing", self.tick_spacing.mm, 2.0 * self.tick.mm, 10_000.0)
@@ -72,6 +76,7 @@ impl Stage for LayoutStage {
 
     fn run(&self, (cut, flat): (&CutMesh, &Flattening), (): &(), cx: &Cx) -> Result<Parts, LayoutError> {
         let options = Options {
+            label_from: self.label_from.mm,
             merge: self.merge.mm,
             slit: self.slit.mm,
             fold_angle: self.fold_angle.radians,

@@ -14,6 +14,7 @@ use crate::{
 };
 
 const OPTIONS: Options = Options {
+    label_from: 0.0,
     merge: 0.02,
     slit: 0.1,
     fold_angle: 0.3,
