@@ -9,9 +9,11 @@ use crate::{
     pipeline,
 };
 
+/// Reads the bytes of a drawing.
+type Reader = fn(&[u8]) -> Result<Drawing, DrawingError>;
+
 /// Readers of drawings by extension.
-const DRAWINGS: &[(&str, fn(&[u8]) -> Result<Drawing, DrawingError>)] =
-    &[("svg", import::read_svg), ("dxf", import::read_dxf)];
+const DRAWINGS: &[(&str, Reader)] = &[("svg", import::read_svg), ("dxf", import::read_dxf)];
 /// Extensions of G-code.
 const PROGRAMS: &[&str] = &["nc", "gcode", "ngc", "tap"];
 

@@ -23,7 +23,7 @@ pub(super) struct Cache {
 /// What a look-up found.
 pub(super) enum Lookup {
     /// The result.
-    Hit(Artifact, Section),
+    Hit(Box<(Artifact, Section)>),
     /// Nothing.
     Miss,
     /// An entry that cannot be used; why.
@@ -50,10 +50,10 @@ impl Cache {
             Err(err) => return Lookup::Broken(format!("{}: {err}", path.display())),
         };
         match parse(def, key, &bytes) {
-            Some((artifact, section)) => {
+            Some(found) => {
                 // The age of an entry is that of its last use; failing to note it only means an earlier eviction.
                 let _ = fs::File::options().append(true).open(&path).and_then(|it| it.set_modified(SystemTime::now()));
-                Lookup::Hit(artifact, section)
+                Lookup::Hit(Box::new(found))
             }
             None => Lookup::Broken(format!("{} is damaged", path.display())),
         }

@@ -120,7 +120,7 @@ pub fn run(
         let key = stage_key(&store, def.needs, &ready.options_key);
         forced |= range.from.as_deref() == Some(def.name);
         let found = match if forced { Lookup::Miss } else { cache.get(def, &key) } {
-            Lookup::Hit(artifact, section) => Some((artifact, section)),
+            Lookup::Hit(found) => Some(*found),
             Lookup::Miss => None,
             Lookup::Broken(why) => {
                 tell(Event::Warning(&format!("cache: {why}; computing `{}` again", def.name)));

@@ -52,7 +52,8 @@ mod tests {
     fn known_maps() {
         let space = [Vec3::new(1.0, 2.0, 3.0), Vec3::new(4.0, 2.0, 3.0), Vec3::new(2.0, 2.0, 8.0)];
         let flat = [[0.0, 0.0], [3.0, 0.0], [1.0, 5.0]].map(|[x, y]| Vec2::new(x, y));
-        let cases: [(fn(Vec2) -> Vec2, [f64; 2], bool); 4] = [
+        type Map = fn(Vec2) -> Vec2;
+        let cases: [(Map, [f64; 2], bool); 4] = [
             (|p| p, [1.0, 1.0], false),
             (|p| Vec2::new(2.0 * p.x, 0.5 * p.y), [2.0, 0.5], false),
             (|p| Vec2::new(-3.0 * p.y, 3.0 * p.x), [3.0, 3.0], false),

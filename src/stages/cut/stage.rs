@@ -52,7 +52,7 @@ pub struct Stock {
 
 impl Stage for CutStage {
     const NAME: &'static str = "cut";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     type Input = DevelopableMesh;
     type Output = CutMesh;
     type Profile = Stock;
