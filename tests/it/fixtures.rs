@@ -81,7 +81,7 @@ fn what_is_safe_is_repaired_and_said() {
     assert!(repairs[0].to_string().starts_with("turned 107 faces to face like their neighbours"), "{}", repairs[0]);
     let (open, _) = load("broken-holes.obj", 0, Components::One).unwrap();
     let holes = open.boundary_loops().len();
-    let (closed, repairs) = load("broken-holes.obj", 6, Components::One).unwrap();
+    let (closed, repairs) = load("broken-holes.obj", 20, Components::One).unwrap();
     assert_eq!((closed.boundary_loops().len(), closed.euler_characteristic()), (0, 2));
     assert!(repairs.iter().any(|it| it.to_string().starts_with(&format!("filled {holes} holes"))));
     let (largest, _) = load("broken-two-components.obj", 0, Components::Largest).unwrap();

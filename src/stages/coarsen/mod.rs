@@ -3,6 +3,8 @@
 mod isotropic;
 mod quadric;
 pub mod stage;
+#[cfg(test)]
+mod tests;
 mod tolerance;
 
 pub use isotropic::{IsotropicOptions, remesh};

@@ -23,7 +23,7 @@ use crate::{
 };
 
 /// Half width of the dead zone over the promised deviation; the rest is left for the surface between samples.
-const BAND: f64 = 0.96;
+const BAND: f64 = 0.92;
 /// Weight of the fidelity term in the first and the last round of a level.
 const HOLD: [f64; 2] = [3.0, 90.0];
 /// Most corrections after the last round of the last level, and the growth of the weight of places found too far off.
