@@ -11,6 +11,7 @@ pub struct Monitor<'a> {
     cancelled: &'a (dyn Fn() -> bool + Sync),
     progress: &'a (dyn Fn(f64, &str) + Sync),
     seconds: &'a (dyn Fn() -> f64 + Sync),
+    step: &'a (dyn Fn(&[f64]) + Sync),
 }
 
 impl<'a> Monitor<'a> {
@@ -21,12 +22,18 @@ impl<'a> Monitor<'a> {
         progress: &'a (dyn Fn(f64, &str) + Sync),
         seconds: &'a (dyn Fn() -> f64 + Sync),
     ) -> Self {
-        Self { cancelled, progress, seconds }
+        Self { cancelled, progress, seconds, step: &|_| () }
     }
 
     /// A monitor that never cancels and tells nobody: for tests and library callers.
     pub fn silent() -> Monitor<'static> {
-        Monitor { cancelled: &|| false, progress: &|_, _| (), seconds: &|| 0.0 }
+        Monitor { cancelled: &|| false, progress: &|_, _| (), seconds: &|| 0.0, step: &|_| () }
+    }
+
+    /// Lets `step` hear of the variables after every accepted step of an optimiser, in that optimiser's own unit: for
+    /// measurements of how fast it converges.
+    pub fn watching(self, step: &'a (dyn Fn(&[f64]) + Sync)) -> Self {
+        Self { step, ..self }
     }
 
     /// `Err(Cancelled)` once the run should stop. Call it at least every tenth of a second.
@@ -37,6 +44,11 @@ impl<'a> Monitor<'a> {
     /// Reports the share done, in [0, 1].
     pub fn progress(&self, done: f64, note: &str) {
         (self.progress)(done, note);
+    }
+
+    /// Reports the variables of an optimiser after an accepted step.
+    pub fn step(&self, x: &[f64]) {
+        (self.step)(x);
     }
 
     /// Seconds since some fixed moment; 0 in a silent monitor. Never steer an algorithm by it.

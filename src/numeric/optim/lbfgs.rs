@@ -160,6 +160,7 @@ impl Lbfgs {
                 outcome.evaluations += 1;
             }
             outcome.iterations += 1;
+            monitor.step(x);
             outcome.value = value;
             outcome.gradient_norm = norm(&gradient);
             if watch.stalled(value) {

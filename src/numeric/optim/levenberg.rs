@@ -118,6 +118,7 @@ impl Levenberg {
             }
             objective.curvature(x, hessian);
             outcome.iterations += 1;
+            monitor.step(x);
             outcome.value = value;
             outcome.gradient_norm = norm(&gradient);
             if watch.stalled(value) {
