@@ -52,6 +52,11 @@ impl Box3 {
     pub fn diagonal(&self) -> f64 {
         self.size().norm()
     }
+
+    /// Whether two closed boxes share a point.
+    pub fn touches(&self, other: &Self) -> bool {
+        (0..3).all(|axis| self.min[axis] <= other.max[axis] && other.min[axis] <= self.max[axis])
+    }
 }
 
 /// Axis-aligned box in the plane.

@@ -5,7 +5,7 @@
 use rayon::prelude::*;
 
 use super::{FaceId, Id, TriMesh};
-use crate::geom::{Vec3, closest_on_triangle};
+use crate::geom::{Box3, Vec3, closest_on_triangle};
 
 /// Children of a node.
 const WIDTH: usize = 4;
@@ -66,6 +66,17 @@ impl Node {
             }
         }
         sum
+    }
+
+    /// Whether each child box shares a point with another box; an empty slot does not.
+    fn touches(&self, bounds: &Box3) -> [bool; WIDTH] {
+        let mut touches = [true; WIDTH];
+        for axis in 0..3 {
+            for ((touches, min), max) in touches.iter_mut().zip(&self.min[axis]).zip(&self.max[axis]) {
+                *touches &= *min <= bounds.max[axis] && bounds.min[axis] <= *max;
+            }
+        }
+        touches
     }
 
     fn is_used(&self, slot: usize) -> bool {
@@ -216,6 +227,30 @@ impl Bvh {
     /// [`Bvh::closest`] for many points, in parallel; the answers are in the order of the points.
     pub fn closest_all(&self, points: &[Vec3]) -> Vec<Closest> {
         points.par_iter().with_min_len(BATCH).map(|&p| self.closest(p)).collect()
+    }
+
+    /// Hands every face whose bounding box shares a point with `bounds` to `visit`, in an order that depends on the tree only.
+    pub fn for_each_in_box(&self, bounds: &Box3, mut visit: impl FnMut(FaceId)) {
+        let mut stack = [0; STACK];
+        let mut top = 1;
+        while top > 0 {
+            top -= 1;
+            let node = &self.nodes[stack[top] as usize];
+            for (child, touches) in node.child.iter().zip(node.touches(bounds)) {
+                if !touches {
+                    continue;
+                }
+                if child.count == 0 {
+                    stack[top] = child.start;
+                    top += 1;
+                }
+                for slot in child.start..child.start + child.count {
+                    if Box3::of(&self.corners[slot as usize]).touches(bounds) {
+                        visit(self.faces[slot as usize]);
+                    }
+                }
+            }
+        }
     }
 
     /// Corners of a face, as of the last refit.

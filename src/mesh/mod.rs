@@ -6,6 +6,7 @@
 mod bvh;
 pub mod distance;
 mod ids;
+pub mod intersections;
 pub mod operators;
 pub mod repair;
 pub mod shapes;

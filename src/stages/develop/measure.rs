@@ -1,8 +1,10 @@
 //! What makes a mesh buildable or not, in numbers.
 use crate::{
+    geom::{Vec3, closest_on_segment},
     mesh::{
         Bvh, EdgeId, TriMesh, VertexId,
         distance::{SurfaceDistance, Violation, two_sided_bounds, violations},
+        intersections::{Intersection, self_intersections},
     },
     numeric::Monitor,
 };
@@ -92,5 +94,32 @@ impl Deviation {
             mean: sampled.mean,
             worst,
         }
+    }
+}
+
+/// Where a surface passes through itself.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Crossings {
+    /// Pairs of intersecting faces of the source.
+    pub of_source: usize,
+    /// Pairs of intersecting faces of the result.
+    pub of_result: usize,
+    /// Those of the result that lie nowhere near one of the source: made on the way.
+    pub made: Vec<Intersection>,
+}
+
+impl Crossings {
+    /// Measures them. A pair counts as inherited within twice the distance that either surface may have moved, because both
+    /// of its sheets may have.
+    pub fn between(source: &TriMesh, result: &TriMesh, moved: f64) -> Self {
+        let inherited = self_intersections(source, &Bvh::new(source));
+        let found = self_intersections(result, &Bvh::new(result));
+        let near = |place: Vec3, it: &Intersection| {
+            let [a, b] = it.stretch;
+            closest_on_segment(&(place - a), &(b - a)).1 <= (2.0 * moved).powi(2)
+        };
+        let of_result = found.len();
+        let made = found.into_iter().filter(|it| !inherited.iter().any(|old| near(it.place(), old))).collect();
+        Self { of_source: inherited.len(), of_result, made }
     }
 }

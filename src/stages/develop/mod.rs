@@ -18,7 +18,7 @@ mod tests;
 
 pub use barrier::Weights;
 pub use evaluate::{Evaluator, Parts};
-pub use measure::{Defects, Deviation, folded_edges, smallest_angle};
+pub use measure::{Crossings, Defects, Deviation, folded_edges, smallest_angle};
 
 use crate::{
     geom::Vec3,

@@ -4,7 +4,9 @@ use std::fmt;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 use serde_json::json;
 
-use super::{Defects, DevelopError, Deviation, Optimizer, Options, develop, energy, folded_edges, smallest_angle};
+use super::{
+    Crossings, Defects, DevelopError, Deviation, Optimizer, Options, develop, energy, folded_edges, smallest_angle,
+};
 use crate::{
     mesh::TriMesh,
     model::{DevelopableMesh, Round, SourceMesh},
@@ -109,7 +111,7 @@ impl Serialize for Levels {
 
 impl Stage for Develop {
     const NAME: &'static str = "develop";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     type Input = (SourceMesh, TriMesh);
     type Output = DevelopableMesh;
     type Profile = ();
@@ -163,6 +165,7 @@ impl Stage for Develop {
         let percent = 100.0 / source.mesh.bounds().diagonal();
         let deviation = Deviation::between(&source.mesh, mesh, limit);
         let (defects, folds) = (Defects::of(mesh), folded_edges(mesh));
+        let crossings = Crossings::between(&source.mesh, mesh, limit.max(deviation.hausdorff));
         let seam = output.energy.iter().filter(|&&energy| energy > SEAM_ENERGY).count();
         let table = json!({
             "max_deviation_pct": limit * percent,
@@ -170,6 +173,8 @@ impl Stage for Develop {
             "rounds": output.rounds.iter().map(round).collect::<Vec<_>>(),
             "covariance_energy": output.energy.iter().sum::<f64>(),
             "folds": folds.len(),
+            "self_intersections": crossings.of_result,
+            "input_self_intersections": crossings.of_source,
             "min_angle_deg": smallest_angle(mesh).to_degrees(),
             "hausdorff_pct": deviation.hausdorff * percent,
             "mean_pct": deviation.mean * percent,
@@ -193,6 +198,13 @@ impl Stage for Develop {
         Section::new("develop", table)
             .check(Check::at_most("develop.deviation", deviation.bound, limit, "mm", deviation_note(&deviation)))
             .check(Check::at_most("develop.folds", folds.len() as f64, 0.0, "edges", fold_note))
+            .check(Check::at_most(
+                "develop.self_intersections",
+                crossings.made.len() as f64,
+                0.0,
+                "pairs",
+                crossings_note(&crossings, mesh),
+            ))
     }
 }
 
@@ -224,6 +236,25 @@ fn deviation_note(deviation: &Deviation) -> String {
             if on_result { "result" } else { "input" }
         ),
     }
+}
+
+/// Where the result passes through itself and the input does not.
+fn crossings_note(crossings: &Crossings, mesh: &TriMesh) -> String {
+    let Some(first) = crossings.made.first() else {
+        return match crossings.of_result {
+            0 => "no two faces intersect".into(),
+            count => format!("{count} pairs of faces intersect, all where the input passes through itself"),
+        };
+    };
+    let ([f, g], place) = (first.faces, first.place());
+    let size = mesh.face_vertices(f).iter().filter(|v| mesh.face_vertices(g).contains(v)).count();
+    format!(
+        "pairs of faces that intersect where the input does not, the first (faces {f} and {g}, {}) at ({:.3}, {:.3}, {:.3}) mm; allow less deviation (develop.max_deviation), or coarsen less there",
+        ["apart in the mesh", "with a common vertex", "with a common edge", "with the same corners"][size],
+        place.x,
+        place.y,
+        place.z
+    )
 }
 
 #[cfg(test)]

@@ -317,3 +317,22 @@ fn bad_starts_and_interruptions_are_told() {
     let error = develop(&source, &source, &options(0.1), &stop).unwrap_err();
     assert_eq!(error, DevelopError::Cancelled(Cancelled));
 }
+
+#[test]
+fn crossings_of_the_result_are_told_from_those_of_the_source() {
+    // Two tubes in one mesh, `gap` apart along x.
+    let pair = |gap: f64| {
+        let tube = shapes::cylinder(1.0, 2.0, 16, 3);
+        let far = tube.positions().iter().map(|p| p + Vec3::new(gap, 0.01, 0.0));
+        let positions = tube.positions().iter().copied().chain(far).collect();
+        let mut faces = tube.face_indices();
+        faces.extend(tube.face_indices().iter().map(|f| f.map(|v| v + tube.vertex_count() as u32)));
+        TriMesh::new(positions, &faces).unwrap()
+    };
+    let inherited = Crossings::between(&pair(1.9), &pair(1.89), 0.05);
+    assert!(inherited.of_source > 0 && inherited.of_result > 0 && inherited.made.is_empty(), "{inherited:?}");
+    let made = Crossings::between(&pair(2.03), &pair(1.97), 0.05);
+    assert!(made.of_source == 0 && made.of_result > 0 && made.made.len() == made.of_result, "{made:?}");
+    let moved = Crossings::between(&pair(1.9), &pair(1.3), 0.05);
+    assert!(!moved.made.is_empty() && moved.of_source > 0, "crossings elsewhere are not inherited");
+}
