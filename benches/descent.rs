@@ -29,7 +29,12 @@ const RUNS: usize = 5;
 const STEPS: usize = 5000;
 /// Energies to reach if none are given, those of the design's comparison.
 const TARGETS: [f64; 6] = [20.0, 10.0, 6.67, 4.0, 2.0, 1.0];
-const OPTIMIZERS: [(&str, Optimizer); 2] = [("lbfgs", Optimizer::Lbfgs), ("levenberg", Optimizer::Levenberg)];
+const OPTIMIZERS: [(&str, Optimizer); 4] = [
+    ("lbfgs-h2", Optimizer::LbfgsH2),
+    ("levenberg", Optimizer::Levenberg),
+    ("lbfgs", Optimizer::Lbfgs),
+    ("subgradient", Optimizer::Subgradient),
+];
 
 /// When and how an energy was reached.
 struct Reached {

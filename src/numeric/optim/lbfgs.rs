@@ -1,7 +1,8 @@
 //! Limited-memory BFGS with the Lewis–Overton line search.
 use super::{
-    Limits, Objective, Outcome, Stop, Watch,
-    vector::{add_scaled, dot, norm},
+    Limits, Objective, Outcome,
+    vector::{add_scaled, dot, largest, norm},
+    walk::Walk,
     wolfe::{Sample, Wolfe},
 };
 use crate::numeric::{Cancelled, Monitor};
@@ -107,74 +108,33 @@ impl Lbfgs {
         monitor: &Monitor,
     ) -> Result<Outcome, Cancelled> {
         let n = x.len();
-        let mut history = History::new(self.memory, n);
-        let mut gradient = vec![0.0; n];
-        let mut value = objective.evaluate(x, &mut gradient);
-        let mut outcome =
-            Outcome { stop: Stop::Iterations, value, gradient_norm: norm(&gradient), iterations: 0, evaluations: 1 };
-        if !value.is_finite() || !outcome.gradient_norm.is_finite() {
-            return Ok(Outcome { stop: Stop::Infeasible, ..outcome });
-        }
-        let (mut direction, mut trial, mut trial_gradient) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-        let mut watch = Watch::new(limits, value);
-        while outcome.iterations < limits.iterations {
-            monitor.check()?;
-            if outcome.gradient_norm <= limits.gradient {
-                outcome.stop = Stop::Gradient;
-                break;
-            }
-            history.descend(&gradient, metric, &mut direction);
-            let slope = dot(&gradient, &direction);
-            if !(slope < 0.0) && !history.pairs.is_empty() {
+        let (mut history, mut direction) = (History::new(self.memory, n), vec![0.0; n]);
+        let mut walk = Walk::new(objective, x, limits, monitor);
+        while walk.goes_on()? {
+            history.descend(&walk.gradient, metric, &mut direction);
+            let start = Sample { value: walk.value, slope: dot(&walk.gradient, &direction) };
+            if !(start.slope < 0.0) && !history.pairs.is_empty() {
                 history.clear();
                 continue;
             }
-            let first = if history.pairs.is_empty() {
-                let largest = direction.iter().fold(0.0_f64, |m, d| m.max(d.abs()));
-                (first_step / largest).min(1.0)
-            } else {
-                1.0
-            };
-            let step = self.wolfe.search(Sample { value, slope }, first, |t| {
-                monitor.check()?;
-                trial.copy_from_slice(x);
-                add_scaled(&mut trial, t, &direction);
-                outcome.evaluations += 1;
-                let value = objective.evaluate(&trial, &mut trial_gradient);
-                Ok::<_, Cancelled>(Sample { value, slope: dot(&trial_gradient, &direction) })
-            })?;
-            let Some((t, sample)) = step else {
-                if history.pairs.is_empty() {
-                    outcome.stop = Stop::LineSearch;
-                    break;
+            let first = if history.pairs.is_empty() { (first_step / largest(&direction)).min(1.0) } else { 1.0 };
+            let found = self.wolfe.search(start, first, |t| walk.sample(t, &direction))?;
+            match found {
+                Some((t, _)) => {
+                    history.push(t, &direction, &walk.gradient, &walk.other_gradient);
+                    walk.accept();
                 }
-                history.clear();
-                continue;
-            };
-            history.push(t, &direction, &gradient, &trial_gradient);
-            x.copy_from_slice(&trial);
-            value = sample.value;
-            std::mem::swap(&mut gradient, &mut trial_gradient);
-            if objective.accepted(x) {
-                value = objective.evaluate(x, &mut gradient);
-                outcome.evaluations += 1;
-            }
-            outcome.iterations += 1;
-            monitor.step(x);
-            outcome.value = value;
-            outcome.gradient_norm = norm(&gradient);
-            if watch.stalled(value) {
-                outcome.stop = Stop::Stalled;
-                break;
+                None if history.pairs.is_empty() => walk.give_up(),
+                None => history.clear(),
             }
         }
-        Ok(outcome)
+        Ok(walk.outcome())
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use super::{super::Stop, *};
 
     struct Rosenbrock;
     impl Objective for Rosenbrock {

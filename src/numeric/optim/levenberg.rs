@@ -1,7 +1,8 @@
 //! Levenberg–Marquardt: Newton steps on a positive semidefinite model of the Hessian, damped by μ I.
 use super::{
-    Limits, Objective, Outcome, Stop, Watch,
-    vector::{add_scaled, dot, norm},
+    Limits, Objective, Outcome,
+    vector::{dot, largest},
+    walk::Walk,
 };
 use crate::numeric::{
     Cancelled, Monitor,
@@ -44,26 +45,14 @@ impl Levenberg {
         monitor: &Monitor,
     ) -> Result<Outcome, Cancelled> {
         let n = x.len();
-        let (mut gradient, mut trial, mut trial_gradient) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-        let mut value = objective.evaluate(x, &mut gradient);
-        let mut outcome =
-            Outcome { stop: Stop::Iterations, value, gradient_norm: norm(&gradient), iterations: 0, evaluations: 1 };
-        if !value.is_finite() || !outcome.gradient_norm.is_finite() {
-            return Ok(Outcome { stop: Stop::Infeasible, ..outcome });
-        }
-        let mut watch = Watch::new(limits, value);
+        let mut walk = Walk::new(objective, x, limits, monitor);
         let (mut damping, mut failures) = (self.damping, 0);
         let mut factor: Option<Cholesky> = None;
-        objective.curvature(x, hessian);
+        walk.objective.curvature(walk.x, hessian);
         let mut damped = hessian.clone();
-        while outcome.iterations < limits.iterations {
-            monitor.check()?;
-            if outcome.gradient_norm <= limits.gradient {
-                outcome.stop = Stop::Gradient;
-                break;
-            }
+        while walk.goes_on()? {
             if failures >= Self::FAILURES {
-                outcome.stop = Stop::LineSearch;
+                walk.give_up();
                 break;
             }
             damped.values_mut().copy_from_slice(hessian.values());
@@ -77,20 +66,16 @@ impl Levenberg {
                 failures += 1;
                 continue;
             };
-            let mut step = llt.solve(&gradient);
+            let mut step = llt.solve(&walk.gradient);
             factor = Some(llt);
-            let longest = step.iter().fold(0.0_f64, |m, d| m.max(d.abs()));
-            let scale = -(self.longest_step / longest).min(1.0);
+            let scale = -(self.longest_step / largest(&step)).min(1.0);
             step.iter_mut().for_each(|d| *d *= scale);
-            let (slope, bend) = (dot(&gradient, &step), dot(&step, &hessian.multiply(&step)));
+            let (slope, bend) = (dot(&walk.gradient, &step), dot(&step, &hessian.multiply(&step)));
             let mut t = 1.0;
             let mut reached = None;
             for _ in 0..Self::TRIES {
-                trial.copy_from_slice(x);
-                add_scaled(&mut trial, t, &step);
-                outcome.evaluations += 1;
-                let here = objective.evaluate(&trial, &mut trial_gradient);
-                if here <= value + Self::ARMIJO * t * slope {
+                let here = walk.sample(t, &step)?.value;
+                if here <= walk.value + Self::ARMIJO * t * slope {
                     reached = Some(here);
                     break;
                 }
@@ -101,7 +86,7 @@ impl Levenberg {
                 failures += 1;
                 continue;
             };
-            let ratio = (here - value) / (t * slope + 0.5 * t * t * bend);
+            let ratio = (here - walk.value) / (t * slope + 0.5 * t * t * bend);
             damping *= match () {
                 () if t < 0.3 || ratio < 0.1 => 2.5,
                 () if t == 1.0 && ratio > 0.75 => 0.33,
@@ -109,30 +94,16 @@ impl Levenberg {
                 () => 1.0,
             };
             failures = 0;
-            x.copy_from_slice(&trial);
-            value = here;
-            std::mem::swap(&mut gradient, &mut trial_gradient);
-            if objective.accepted(x) {
-                value = objective.evaluate(x, &mut gradient);
-                outcome.evaluations += 1;
-            }
-            objective.curvature(x, hessian);
-            outcome.iterations += 1;
-            monitor.step(x);
-            outcome.value = value;
-            outcome.gradient_norm = norm(&gradient);
-            if watch.stalled(value) {
-                outcome.stop = Stop::Stalled;
-                break;
-            }
+            walk.accept();
+            walk.objective.curvature(walk.x, hessian);
         }
-        Ok(outcome)
+        Ok(walk.outcome())
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use super::{super::Stop, *};
 
     /// Σ over i of (10 (x_{i+1} − x_i²))² + (1 − x_i)², with its Gauss–Newton matrix.
     struct Rosenbrock;

@@ -2,13 +2,14 @@
 
 mod lbfgs;
 mod levenberg;
+mod subgradient;
 mod vector;
+mod walk;
 mod wolfe;
 
 pub use lbfgs::{Lbfgs, Metric};
 pub use levenberg::{Curved, Levenberg};
-
-use std::collections::VecDeque;
+pub use subgradient::Subgradient;
 
 /// A function to be minimised, smooth almost everywhere.
 pub trait Objective {
@@ -35,6 +36,8 @@ pub enum Stop {
     LineSearch,
     /// The value was not finite at the start.
     Infeasible,
+    /// The value was not finite at every step tried; the result is the last point where it was.
+    NotANumber,
 }
 
 impl std::fmt::Display for Stop {
@@ -45,6 +48,7 @@ impl std::fmt::Display for Stop {
             Self::Iterations => "iterations",
             Self::LineSearch => "line search",
             Self::Infeasible => "infeasible",
+            Self::NotANumber => "not a number",
         })
     }
 }
@@ -77,25 +81,61 @@ pub struct Limits {
     pub window: usize,
 }
 
-/// Watches the decrease over the latest steps.
-struct Watch {
-    decrease: f64,
-    window: usize,
-    past: VecDeque<f64>,
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numeric::{
+        Monitor,
+        sparse::{Analysis, SymmetricMatrix},
+    };
 
-impl Watch {
-    fn new(limits: &Limits, value: f64) -> Self {
-        Self { decrease: limits.decrease, window: limits.window, past: VecDeque::from([value]) }
+    /// Σ x², until its evaluations break at `good`: then the value, or only the gradient, is NaN.
+    struct Breaking {
+        good: usize,
+        value: bool,
     }
 
-    /// Takes the value after a step; whether the decrease has become too small to go on.
-    fn stalled(&mut self, value: f64) -> bool {
-        self.past.push_back(value);
-        if self.past.len() <= self.window {
-            return false;
+    impl Objective for Breaking {
+        fn evaluate(&mut self, x: &[f64], gradient: &mut [f64]) -> f64 {
+            let broken = self.good == 0;
+            self.good = self.good.saturating_sub(1);
+            gradient.iter_mut().zip(x).for_each(|(g, x)| *g = 2.0 * x);
+            if broken && !self.value {
+                gradient[0] = f64::NAN;
+            }
+            if broken && self.value { f64::NAN } else { x.iter().map(|x| x * x).sum() }
         }
-        let before = self.past.pop_front().unwrap_or(value);
-        before - value < self.decrease * before.abs()
+    }
+
+    impl Curved for Breaking {
+        fn curvature(&mut self, _: &[f64], hessian: &mut SymmetricMatrix) {
+            hessian.values_mut().fill(40.0);
+        }
+    }
+
+    #[test]
+    fn every_solver_keeps_the_last_good_point_when_numbers_break() {
+        let limits = Limits { iterations: 50, gradient: 1e-12, decrease: 0.0, window: 10 };
+        let monitor = Monitor::silent();
+        let (pattern, _) = SymmetricMatrix::with_pattern(3, &[]);
+        let analysis = Analysis::new(&pattern).unwrap();
+        type Solve<'a> = &'a dyn Fn(&mut Breaking, &mut [f64]) -> Outcome;
+        let lbfgs: Solve<'_> = &|f, x| Lbfgs::default().minimize(f, x, None, 0.01, &limits, &monitor).unwrap();
+        let subgradient: Solve<'_> = &|f, x| Subgradient::new(1e-2).minimize(f, x, &limits, &monitor).unwrap();
+        let levenberg: Solve<'_> = &|f, x| {
+            let solver = Levenberg { damping: 1e-2, longest_step: 0.1 };
+            solver.minimize(f, x, &mut pattern.clone(), &analysis, &limits, &monitor).unwrap()
+        };
+        for solve in [lbfgs, subgradient, levenberg] {
+            for value in [true, false] {
+                let mut x = vec![3.0; 3];
+                let out = solve(&mut Breaking { good: 4, value }, &mut x);
+                assert_eq!(out.stop, Stop::NotANumber, "{out:?}");
+                assert!(out.iterations > 0 && out.value < 27.0 && out.gradient_norm.is_finite(), "{out:?}");
+                assert_eq!(out.value, x.iter().map(|x| x * x).sum::<f64>(), "{out:?}");
+                let out = solve(&mut Breaking { good: 0, value }, &mut x);
+                assert_eq!((out.stop, out.iterations), (Stop::Infeasible, 0));
+            }
+        }
     }
 }

@@ -31,3 +31,8 @@ pub(super) fn add_scaled(y: &mut [f64], factor: f64, x: &[f64]) {
 pub(super) fn norm(a: &[f64]) -> f64 {
     dot(a, a).sqrt()
 }
+
+/// Largest absolute value; 0 of nothing.
+pub(super) fn largest(a: &[f64]) -> f64 {
+    a.iter().fold(0.0, |m, d| m.max(d.abs()))
+}

@@ -7,7 +7,9 @@ use super::{
     fidelity::Fidelity,
     flatten,
     flow::{CurvedFlow, Flow},
-    folded_edges, scaled, set_positions,
+    folded_edges,
+    metric::Metric,
+    scaled, set_positions,
 };
 use crate::{
     geom::{Vec3, closest_on_triangle},
@@ -18,7 +20,8 @@ use crate::{
     model::Round,
     numeric::{
         Cancelled, Monitor,
-        optim::{Lbfgs, Levenberg, Limits, Outcome},
+        optim::{Lbfgs, Levenberg, Limits, Outcome, Subgradient},
+        sparse::SparseError,
     },
 };
 
@@ -55,8 +58,27 @@ struct Level<'a> {
     x: Vec<f64>,
     mesh: TriMesh,
     evaluator: Evaluator,
-    curvature: Option<Curvature>,
+    solver: Solver,
     hold: Option<Fidelity<'a>>,
+}
+
+/// An optimiser and what it needs to know of the connectivity.
+enum Solver {
+    Lbfgs,
+    LbfgsH2(Metric),
+    Subgradient,
+    Levenberg(Box<Curvature>),
+}
+
+impl Solver {
+    fn new(optimizer: Optimizer, mesh: &TriMesh) -> Result<Self, SparseError> {
+        Ok(match optimizer {
+            Optimizer::Lbfgs => Self::Lbfgs,
+            Optimizer::LbfgsH2 => Self::LbfgsH2(Metric::new(mesh)?),
+            Optimizer::Subgradient => Self::Subgradient,
+            Optimizer::Levenberg => Self::Levenberg(Box::new(Curvature::new(mesh)?)),
+        })
+    }
 }
 
 /// A state of the mesh, in mm, that was checked.
@@ -151,17 +173,14 @@ impl<'a> Job<'a> {
         let shrink = 0.25_f64.powi(index as i32);
         let weights = Weights { angle: 3e-4 * shrink, fold: 0.01, defect: 0.1, area: 1e-4 * shrink };
         let evaluator = Evaluator::new(&mesh, self.options.energy, weights);
-        let curvature = match self.options.optimizer {
-            Optimizer::Lbfgs => None,
-            Optimizer::Levenberg => Some(Curvature::new(&mesh)?),
-        };
+        let solver = Solver::new(self.options.optimizer, &mesh)?;
         let hold = self.options.fidelity.then(|| {
             let points =
                 sample(self.source, SAMPLES * mesh.vertex_count()).into_iter().map(|it| it.position(self.source));
             let points: Vec<Vec3> = points.chain(self.source.positions().iter().copied()).collect();
             Fidelity::new(self.tree, &points, &mesh, unit, BAND * self.options.max_deviation / unit, HOLD[0])
         });
-        Ok(Level { unit, x: flatten(&mesh), mesh, evaluator, curvature, hold })
+        Ok(Level { unit, x: flatten(&mesh), mesh, evaluator, solver, hold })
     }
 
     /// One run of the optimiser, recorded.
@@ -225,26 +244,38 @@ impl Level<'_> {
         /// Relative decrease over the window below which a round ends.
         const DECREASE: f64 = 3e-3;
         const GRADIENT: f64 = 1e-8;
+        /// Largest component of the first step of solvers that know no length, in edges.
+        const FIRST_STEP: f64 = 0.1;
         let careful = stride == Stride::Careful;
         let limits = |usual: usize, few: usize, window: usize| {
             let iterations = iterations.unwrap_or(usual);
             let iterations = if careful { iterations.min(few) } else { iterations };
             Limits { iterations, gradient: GRADIENT, decrease: DECREASE, window }
         };
-        let flow = Flow::new(&mut self.evaluator, self.hold.as_mut());
-        let Some(curvature) = &self.curvature else {
-            let mut flow = flow;
-            return Lbfgs::default().minimize(&mut flow, &mut self.x, None, 0.1, &limits(300, 40, 20), monitor);
-        };
-        let mut flow = CurvedFlow { flow, curvature, mesh: self.mesh.clone() };
-        let (damping, longest_step) = if careful { (1.0, 0.1) } else { (1e-2, 0.7) };
-        Levenberg { damping, longest_step }.minimize(
-            &mut flow,
-            &mut self.x,
-            &mut curvature.matrix(),
-            &curvature.analysis,
-            &limits(24, 6, 10),
-            monitor,
-        )
+        let (mut flow, x) = (Flow::new(&mut self.evaluator, self.hold.as_mut()), &mut self.x);
+        match &self.solver {
+            Solver::Lbfgs => {
+                Lbfgs::default().minimize(&mut flow, x, None, FIRST_STEP, &limits(300, 40, 20), monitor)
+            }
+            Solver::LbfgsH2(metric) => {
+                let apply = |v: &mut [f64]| metric.apply_inverse(v);
+                Lbfgs::default().minimize(&mut flow, x, Some(&apply), FIRST_STEP, &limits(100, 20, 10), monitor)
+            }
+            Solver::Subgradient => {
+                Subgradient::new(FIRST_STEP).minimize(&mut flow, x, &limits(1000, 100, 50), monitor)
+            }
+            Solver::Levenberg(curvature) => {
+                let mut flow = CurvedFlow { flow, curvature, mesh: self.mesh.clone() };
+                let (damping, longest_step) = if careful { (1.0, 0.1) } else { (1e-2, 0.7) };
+                Levenberg { damping, longest_step }.minimize(
+                    &mut flow,
+                    x,
+                    &mut curvature.matrix(),
+                    &curvature.analysis,
+                    &limits(24, 6, 10),
+                    monitor,
+                )
+            }
+        }
     }
 }

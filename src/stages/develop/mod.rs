@@ -12,6 +12,7 @@ mod fidelity;
 mod flow;
 mod level;
 mod measure;
+mod metric;
 pub mod stage;
 #[cfg(test)]
 mod tests;
@@ -35,6 +36,10 @@ use level::Job;
 pub enum Optimizer {
     /// L-BFGS with the Lewis–Overton line search: many cheap steps.
     Lbfgs,
+    /// L-BFGS in a metric of second order: a good shape after very few steps, also of meshes with many vertices.
+    LbfgsH2,
+    /// Subgradient descent with Armijo's rule: slow, for comparison.
+    Subgradient,
     /// Levenberg–Marquardt with variable projection: few expensive steps, a lower energy in the end. Its model is that of
     /// the covariance energy.
     Levenberg,
@@ -90,6 +95,8 @@ pub enum DevelopError {
 
 /// Fewest vertices at which automatic levels stop subdividing, and the most that one more level may make.
 const AUTO_VERTICES: [usize; 2] = [2500, 13_000];
+/// σ of the metric of [`Optimizer::LbfgsH2`], at mean edge length 1: changes spread over about σ^−½ edges.
+const SMOOTHING: f64 = 0.3;
 /// Largest λ of any vertex below which a mesh counts as developable already: normals within about 1e-4 of a common plane,
 /// which is what rounding to five or six digits in a file leaves of an exact one.
 const DEVELOPABLE: f64 = 1e-8;

@@ -23,7 +23,7 @@ const SEAM_ENERGY: f64 = 1e-3;
 pub struct Develop {
     /// Name of the developability energy.
     pub energy: String,
-    /// "levenberg" (lowest energy) or "lbfgs" (quick; for energies other than covariance the only one).
+    /// "auto", "levenberg" (lowest energy; covariance only), "lbfgs-h2" (quick preview), "lbfgs" or "subgradient".
     pub optimizer: Method,
     /// Largest distance between the result and the input, either way: a length, or percent of the input's diagonal.
     pub max_deviation: Extent,
@@ -42,7 +42,7 @@ impl Default for Develop {
     fn default() -> Self {
         Self {
             energy: "covariance".into(),
-            optimizer: Method::Levenberg,
+            optimizer: Method::Auto,
             max_deviation: Extent::Percent(1.0),
             fidelity: true,
             levels: Levels::Auto,
@@ -54,12 +54,31 @@ impl Default for Develop {
 
 /// An optimiser, as it is written in the config.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "kebab-case")]
 pub enum Method {
+    /// "levenberg" for the covariance energy, "lbfgs-h2" for the others.
+    Auto,
     /// Limited-memory BFGS.
     Lbfgs,
+    /// The same in a metric of second order: quick.
+    LbfgsH2,
+    /// Subgradient descent: slow, for comparison.
+    Subgradient,
     /// Levenberg–Marquardt with variable projection.
     Levenberg,
+}
+
+impl Method {
+    /// The optimiser for that energy.
+    fn resolve(self, energy: &str) -> Optimizer {
+        match self {
+            Self::Auto if energy == energy::COVARIANCE.name => Optimizer::Levenberg,
+            Self::Auto | Self::LbfgsH2 => Optimizer::LbfgsH2,
+            Self::Lbfgs => Optimizer::Lbfgs,
+            Self::Subgradient => Optimizer::Subgradient,
+            Self::Levenberg => Optimizer::Levenberg,
+        }
+    }
 }
 
 /// How often to subdivide.
@@ -125,9 +144,11 @@ impl Stage for Develop {
             let message = format!("must be one of {}, not \"{}\"", names.join(", "), self.energy);
             return Err(KeyError { key: "energy", message });
         }
-        if self.optimizer == Method::Levenberg && self.energy != "covariance" {
-            let message =
-                format!("\"levenberg\" minimises the covariance energy only, not \"{}\": write \"lbfgs\"", self.energy);
+        if self.optimizer == Method::Levenberg && self.energy != energy::COVARIANCE.name {
+            let message = format!(
+                "\"levenberg\" minimises the covariance energy only, not \"{}\": write \"auto\", \"lbfgs-h2\" or \"lbfgs\"",
+                self.energy
+            );
             return Err(KeyError { key: "optimizer", message });
         }
         match self.max_deviation {
@@ -144,10 +165,7 @@ impl Stage for Develop {
     fn run(&self, (source, start): (&SourceMesh, &TriMesh), _: &(), cx: &Cx) -> Result<DevelopableMesh, DevelopError> {
         let options = Options {
             energy: energy::Energy::named(&self.energy).expect("`check` refused unknown names"),
-            optimizer: match self.optimizer {
-                Method::Lbfgs => Optimizer::Lbfgs,
-                Method::Levenberg => Optimizer::Levenberg,
-            },
+            optimizer: self.optimizer.resolve(&self.energy),
             max_deviation: self.max_deviation.resolve(source.mesh.bounds().diagonal()),
             fidelity: self.fidelity,
             levels: match self.levels {
@@ -287,6 +305,7 @@ mod tests {
             ("rounds = 0", "`rounds`"),
             ("iterations = 0", "`iterations`"),
             ("optimizer = \"newton\"", "`levenberg`"),
+            ("energy = \"intrinsic\"\noptimizer = \"levenberg\"", "write \"auto\""),
             ("depth = 1", "depth"),
         ] {
             let error = table(text).unwrap_err();
