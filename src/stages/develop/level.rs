@@ -254,16 +254,12 @@ impl Level<'_> {
         };
         let (mut flow, x) = (Flow::new(&mut self.evaluator, self.hold.as_mut()), &mut self.x);
         match &self.solver {
-            Solver::Lbfgs => {
-                Lbfgs::default().minimize(&mut flow, x, None, FIRST_STEP, &limits(300, 40, 20), monitor)
-            }
+            Solver::Lbfgs => Lbfgs::default().minimize(&mut flow, x, None, FIRST_STEP, &limits(300, 40, 20), monitor),
             Solver::LbfgsH2(metric) => {
                 let apply = |v: &mut [f64]| metric.apply_inverse(v);
                 Lbfgs::default().minimize(&mut flow, x, Some(&apply), FIRST_STEP, &limits(100, 20, 10), monitor)
             }
-            Solver::Subgradient => {
-                Subgradient::new(FIRST_STEP).minimize(&mut flow, x, &limits(1000, 100, 50), monitor)
-            }
+            Solver::Subgradient => Subgradient::new(FIRST_STEP).minimize(&mut flow, x, &limits(1000, 100, 50), monitor),
             Solver::Levenberg(curvature) => {
                 let mut flow = CurvedFlow { flow, curvature, mesh: self.mesh.clone() };
                 let (damping, longest_step) = if careful { (1.0, 0.1) } else { (1e-2, 0.7) };
