@@ -10,7 +10,8 @@ use fabricate::{
     mesh::{Field, TriMesh, shapes},
     numeric::Monitor,
     stages::develop::{
-        Defects, Evaluator, Optimizer, Options, Weights, develop, energy::COVARIANCE, folded_edges, smallest_angle,
+        Boundary, Defects, Evaluator, Features, Optimizer, Options, Weights, develop, energy::COVARIANCE, folded_edges,
+        smallest_angle,
     },
 };
 use std::{
@@ -92,6 +93,10 @@ fn run(mesh: &TriMesh, optimizer: Optimizer, done: &(dyn Fn() -> bool + Sync), s
         optimizer,
         max_deviation: f64::INFINITY,
         fidelity: false,
+        boundary: Boundary::Free,
+        features: Features::Free,
+        facet: None,
+        remesh: false,
         levels: Some(0),
         rounds: 1,
         iterations: Some(STEPS),

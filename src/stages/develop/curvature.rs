@@ -6,7 +6,7 @@
 //! are eigenvectors of A) and of squared length μ_m, so
 //!   H = 2 [ Σ j_k j_kᵀ − Σ_m g_m g_mᵀ / (μ_m + λ) ],  g_m = Σ_k √θ_k ⟨t_m, N_k⟩ j_k.
 //! Barriers and fidelity: Gauss–Newton.
-use super::{Evaluator, barrier, fidelity::Fidelity};
+use super::{Evaluator, barrier, curves::Curves, fidelity::Fidelity};
 use crate::{
     geom::Vec3,
     mesh::{EdgeId, FaceId, Id, TriMesh, VertexId},
@@ -70,8 +70,9 @@ impl Face {
 }
 
 impl Curvature {
-    /// Arranges and analyses the pattern: the vertices of every star, and of the two faces of every edge, meet.
-    pub(super) fn new(mesh: &TriMesh) -> Result<Self, SparseError> {
+    /// Arranges and analyses the pattern: the vertices of every star, of the two faces of every edge, and of every group of
+    /// `groups` meet.
+    pub(super) fn new(mesh: &TriMesh, groups: &[[u32; 4]]) -> Result<Self, SparseError> {
         let mut meets: Vec<Vec<u32>> = mesh.vertices().map(|v| vec![v.0]).collect();
         let mut meet = |group: &[u32]| {
             for &a in group {
@@ -84,6 +85,7 @@ impl Curvature {
                 meet(&star);
             }
         }
+        groups.iter().for_each(|group| meet(group));
         for f in mesh.faces() {
             meet(&mesh.face_vertices(f).map(|v| v.0));
         }
@@ -157,7 +159,7 @@ impl Curvature {
             scratch.gather(mesh, v, &faces);
             if scratch.corners.len() > 3 {
                 scratch.energy();
-                self.add_star(out, &scratch);
+                self.add_star(out, &scratch, evaluator.loss_slope(scratch.lambda));
             }
             self.add_defect(out, mesh, v, &faces, weights.defect);
         }
@@ -190,12 +192,18 @@ impl Curvature {
         }
     }
 
-    fn add_star(&self, out: &mut [f64], star: &Star) {
+    /// Adds the model of a curve term at `x`.
+    pub(super) fn add_curves(&self, curves: &Curves, x: &[f64], out: &mut SymmetricMatrix) {
+        let out = out.values_mut();
+        curves.curvature(x, |a, b, block| self.add(out, a, b, block));
+    }
+
+    fn add_star(&self, out: &mut [f64], star: &Star, scale: f64) {
         let n = star.vertices.len();
         for p in 0..n {
             for q in 0..=p {
                 let block = &star.blocks[p * (p + 1) / 2 + q];
-                self.add(out, star.vertices[p], star.vertices[q], block);
+                self.add(out, star.vertices[p], star.vertices[q], &(block * scale));
             }
         }
     }
@@ -266,6 +274,8 @@ struct Star {
     blocks: Vec<nalgebra::Matrix3<f64>>,
     /// g_1, g_2.
     turns: [Vec<Vec3>; 2],
+    /// λ.
+    lambda: f64,
 }
 
 impl Star {
@@ -301,6 +311,7 @@ impl Star {
         order.sort_by(|&i, &k| values[i].total_cmp(&values[k]));
         let [u, t1, t2] = order.map(|i| Vec3::from(vectors[i]));
         let lambda = values[order[0]].max(0.0);
+        self.lambda = lambda;
         for turn in &mut self.turns {
             turn.clear();
             turn.resize(n + 1, Vec3::zeros());

@@ -10,8 +10,10 @@
 use super::{
     barrier::{self, Weights},
     energy::{Corner, Energy, Pull, Work},
+    robust::Robust,
 };
 use crate::{
+    geom::Vec3,
     mesh::{FaceId, Id, TriMesh, VertexId},
     numeric::lanes::{LANES, Lanes, Lanes3, vectorized},
 };
@@ -33,6 +35,7 @@ pub(super) struct StarPass<'a> {
     areas2: &'a [Lanes],
     out: &'a mut StarData,
     defect_weight: f64,
+    robust: Option<Robust>,
 }
 
 /// Connectivity, arranged for the passes.
@@ -80,8 +83,8 @@ pub(super) struct StarData {
     slots: Vec<[f64; 4]>,
     /// ∂/∂ ln A per row of [`StarData::slots`]; one idle row per block where the energy does not depend on areas.
     area_slots: Vec<f64>,
-    /// (energy, defect barrier) of each block.
-    partials: Vec<[f64; 2]>,
+    /// (Σλ, defect barrier, Σ(ρ − λ)) of each block.
+    partials: Vec<[f64; 3]>,
     scratch: Vec<Scratch>,
 }
 
@@ -120,6 +123,8 @@ struct FaceGroup {
 pub struct Parts {
     /// Σ λ over interior vertices of valence > 3, unweighted.
     pub energy: f64,
+    /// Σ ρ(λ) − λ of the robust loss, not positive; 0 without one.
+    pub relief: f64,
     /// Angle barrier.
     pub angle: f64,
     /// Fold barrier.
@@ -133,7 +138,7 @@ pub struct Parts {
 impl Parts {
     /// Sum.
     pub fn total(&self) -> f64 {
-        self.energy + self.angle + self.fold + self.defect + self.area
+        self.energy + self.relief + self.angle + self.fold + self.defect + self.area
     }
 }
 
@@ -143,6 +148,7 @@ pub struct Evaluator {
     layout: Layout,
     energy: &'static Energy,
     weights: Weights,
+    robust: Option<Robust>,
     /// Reciprocal reference area of each face, per group.
     inverse_rest_area: Vec<Lanes>,
     groups: Vec<FaceGroup>,
@@ -247,12 +253,13 @@ impl Evaluator {
         let stars = StarData {
             slots: vec![[0.0; 4]; slots],
             area_slots: vec![0.0; if energy.areas { slots } else { layout.blocks.len() }],
-            partials: vec![[0.0; 2]; layout.blocks.len()],
+            partials: vec![[0.0; 3]; layout.blocks.len()],
             scratch: scratch.collect(),
         };
         Self {
             energy,
             weights,
+            robust: None,
             inverse_rest_area,
             groups: vec![FaceGroup::default(); groups],
             corners: vec![[0.0; 4]; groups * LANES * 3],
@@ -275,13 +282,15 @@ impl Evaluator {
             areas2: &self.areas2,
             out: &mut self.stars,
             defect_weight: self.weights.defect,
+            robust: self.robust,
         });
         self.push_pass();
         self.gather_pass(gradient);
         let mut parts = Parts::default();
-        for [energy, defect] in &self.stars.partials {
+        for [energy, defect, relief] in &self.stars.partials {
             parts.energy += energy;
             parts.defect += defect;
+            parts.relief += relief;
         }
         for [angle, area, fold] in &self.partials {
             parts.angle += angle;
@@ -289,6 +298,22 @@ impl Evaluator {
             parts.fold += fold;
         }
         parts
+    }
+
+    /// From now on energies go through ρ(λ) = σ ln(1 + λ/σ), or not.
+    pub(super) fn set_robust(&mut self, sigma: Option<f64>) {
+        self.robust = sigma.map(|sigma| Robust { sigma });
+    }
+
+    /// Derivative of the loss by the energy λ of a vertex.
+    pub(super) fn loss_slope(&self, lambda: f64) -> f64 {
+        self.robust.map_or(1.0, |it| it.slope(lambda))
+    }
+
+    /// Normal of a face at the positions of the latest evaluation.
+    pub(super) fn normal(&self, face: FaceId) -> Vec3 {
+        let [x, y, z, _] = self.corners[3 * face.index()];
+        Vec3::new(x, y, z)
     }
 
     /// Weights of the barriers.
@@ -543,7 +568,7 @@ impl StarPass<'_> {
     /// Applies `star` to every batch and adds the defect barrier. The areas of the corners are given, and the pulls on them
     /// taken, only with `AREAS`.
     pub(super) fn run<const AREAS: bool>(self, star: impl Fn(&[Corner], &mut [Pull], &mut Work) -> Lanes + Sync) {
-        let Self { layout, corners, areas2, out, defect_weight } = self;
+        let Self { layout, corners, areas2, out, defect_weight, robust } = self;
         let StarData { slots, area_slots, partials, scratch } = out;
         let rows = layout.slots_per_block.max(1);
         layout
@@ -557,7 +582,7 @@ impl StarPass<'_> {
                 vectorized(
                     #[inline(always)]
                     || {
-                        *partial = [0.0; 2];
+                        *partial = [0.0; 3];
                         for batch in &block.batches {
                             let n = batch.valence;
                             let (gathered, pulls) = (&mut scratch.corners[..n], &mut scratch.pulls[..n]);
@@ -570,6 +595,10 @@ impl StarPass<'_> {
                                 Lanes::default()
                             };
                             partial[0] += lambda.0[..batch.lanes].iter().sum::<f64>();
+                            if let Some(robust) = robust {
+                                let relief = robust.soften(lambda, pulls);
+                                partial[2] += relief.0[..batch.lanes].iter().sum::<f64>();
+                            }
                             let mut turn = Lanes::default();
                             if defect_weight > 0.0 {
                                 let (value, slope) = defect_barrier(defect, defect_weight);

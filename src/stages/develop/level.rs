@@ -4,12 +4,13 @@ use super::{
     DevelopError, Evaluator, Optimizer, Options,
     barrier::Weights,
     curvature::Curvature,
+    curves::{Curves, Features, Networks, SourceCurves},
     fidelity::Fidelity,
     flatten,
     flow::{CurvedFlow, Flow},
     folded_edges,
     metric::Metric,
-    scaled, set_positions,
+    remesh, scaled, set_positions,
 };
 use crate::{
     geom::{Vec3, closest_on_triangle},
@@ -43,6 +44,10 @@ const SAMPLES: usize = 2;
 pub(super) struct Job<'a> {
     source: &'a TriMesh,
     tree: &'a Bvh,
+    /// Held curves of the source.
+    curves: &'a [Option<SourceCurves>],
+    /// Curves of the mesh that the next level starts from.
+    pub(super) networks: Networks,
     options: &'a Options,
     levels: usize,
     monitor: &'a Monitor<'a>,
@@ -60,6 +65,7 @@ struct Level<'a> {
     evaluator: Evaluator,
     solver: Solver,
     hold: Option<Fidelity<'a>>,
+    curves: Option<Curves<'a>>,
 }
 
 /// An optimiser and what it needs to know of the connectivity.
@@ -71,12 +77,12 @@ enum Solver {
 }
 
 impl Solver {
-    fn new(optimizer: Optimizer, mesh: &TriMesh) -> Result<Self, SparseError> {
+    fn new(optimizer: Optimizer, mesh: &TriMesh, groups: &[[u32; 4]]) -> Result<Self, SparseError> {
         Ok(match optimizer {
             Optimizer::Lbfgs => Self::Lbfgs,
             Optimizer::LbfgsH2 => Self::LbfgsH2(Metric::new(mesh)?),
             Optimizer::Subgradient => Self::Subgradient,
-            Optimizer::Levenberg => Self::Levenberg(Box::new(Curvature::new(mesh)?)),
+            Optimizer::Levenberg => Self::Levenberg(Box::new(Curvature::new(mesh, groups)?)),
         })
     }
 }
@@ -120,25 +126,33 @@ impl<'a> Job<'a> {
     pub(super) fn new(
         source: &'a TriMesh,
         tree: &'a Bvh,
+        curves: &'a [Option<SourceCurves>],
+        networks: Networks,
         options: &'a Options,
         levels: usize,
         monitor: &'a Monitor<'a>,
     ) -> Self {
-        Self { source, tree, options, levels, monitor, rounds: Vec::new() }
+        Self { source, tree, curves, networks, options, levels, monitor, rounds: Vec::new() }
     }
 
     /// Optimises one level; start and result in mm. On the last level the result is the best state that was checked.
     pub(super) fn level(&mut self, start: &TriMesh, index: usize) -> Result<TriMesh, DevelopError> {
-        let mut level = self.prepare(start, index)?;
+        let mended = self.mended(start);
+        let mut level = self.prepare(mended.as_ref().unwrap_or(start), index)?;
         let last = index == self.levels;
         let mut best: Option<Checked> = None;
         for round in 0..self.options.rounds {
             self.report(index, round);
-            if let Some(hold) = &mut level.hold {
-                let share = (round + 1) as f64 / self.options.rounds as f64;
-                let first = 1.0 / self.options.rounds as f64;
-                let share = if first < 1.0 { (share - first) / (1.0 - first) } else { 1.0 };
-                hold.weight = HOLD[0] * (HOLD[1] / HOLD[0]).powf(share);
+            if let Some(mesh) = (round > 0).then(|| self.mended(&scaled(&level.mesh, level.unit))).flatten() {
+                level = self.prepare(&mesh, index)?;
+            }
+            let share = if self.options.rounds > 1 { round as f64 / (self.options.rounds - 1) as f64 } else { 1.0 };
+            let weight = HOLD[0] * (HOLD[1] / HOLD[0]).powf(share);
+            level.hold.iter_mut().for_each(|it| it.weight = weight);
+            level.curves.iter_mut().for_each(|it| it.set_weight(weight));
+            if last {
+                // σ from 1, which hardly differs from the plain energy, to what was asked for.
+                level.evaluator.set_robust(self.options.facet.map(|sigma| sigma.powf(share)));
             }
             self.run(&mut level, Stride::Free)?;
             if last && self.options.fidelity {
@@ -159,6 +173,17 @@ impl<'a> Job<'a> {
         Ok(best.map_or_else(|| scaled(&level.mesh, level.unit), |it| it.mesh))
     }
 
+    /// The mesh (mm) with its bad triangles mended, where that is wanted and needed.
+    fn mended(&mut self, mesh: &TriMesh) -> Option<TriMesh> {
+        let Options { boundary, features, remesh, fidelity, max_deviation, .. } = *self.options;
+        if !remesh || features != Features::Free {
+            return None;
+        }
+        let mesh = remesh::mend(mesh, self.tree, if fidelity { BAND * max_deviation } else { f64::INFINITY })?;
+        self.networks = Networks::new(&mesh, boundary, features);
+        Some(mesh)
+    }
+
     fn report(&self, level: usize, round: usize) {
         // Each level has four times the faces of the one before.
         let share = |level: usize| 4.0_f64.powi(level as i32 - self.levels as i32 - 1);
@@ -173,14 +198,18 @@ impl<'a> Job<'a> {
         let shrink = 0.25_f64.powi(index as i32);
         let weights = Weights { angle: 3e-4 * shrink, fold: 0.01, defect: 0.1, area: 1e-4 * shrink };
         let evaluator = Evaluator::new(&mesh, self.options.energy, weights);
-        let solver = Solver::new(self.options.optimizer, &mesh)?;
+        let band = BAND * self.options.max_deviation / unit;
+        let curves =
+            Curves::new(if self.options.fidelity { self.curves } else { &[] }, &self.networks, &mesh, unit, band);
+        let groups = curves.as_ref().map_or(&[][..], Curves::groups);
+        let solver = Solver::new(self.options.optimizer, &mesh, groups)?;
         let hold = self.options.fidelity.then(|| {
             let points =
                 sample(self.source, SAMPLES * mesh.vertex_count()).into_iter().map(|it| it.position(self.source));
             let points: Vec<Vec3> = points.chain(self.source.positions().iter().copied()).collect();
-            Fidelity::new(self.tree, &points, &mesh, unit, BAND * self.options.max_deviation / unit, HOLD[0])
+            Fidelity::new(self.tree, &points, &mesh, unit, band, HOLD[0])
         });
-        Ok(Level { unit, x: flatten(&mesh), mesh, evaluator, solver, hold })
+        Ok(Level { unit, x: flatten(&mesh), mesh, evaluator, solver, hold, curves })
     }
 
     /// One run of the optimiser, recorded.
@@ -234,7 +263,8 @@ impl<'a> Job<'a> {
         let limit = self.options.max_deviation;
         let outward = violations(&mesh, self.tree, limit, RESOLUTION, self.monitor)?;
         let inward = violations(self.source, &Bvh::new(&mesh), limit, RESOLUTION, self.monitor)?;
-        let energy = level.evaluator.evaluate(&level.x, &mut vec![0.0; level.x.len()]).energy;
+        let parts = level.evaluator.evaluate(&level.x, &mut vec![0.0; level.x.len()]);
+        let energy = parts.energy + parts.relief;
         Ok(Checked { energy, folds: folded_edges(&mesh).len(), outward, inward, mesh })
     }
 }
@@ -252,7 +282,8 @@ impl Level<'_> {
             let iterations = if careful { iterations.min(few) } else { iterations };
             Limits { iterations, gradient: GRADIENT, decrease: DECREASE, window }
         };
-        let (mut flow, x) = (Flow::new(&mut self.evaluator, self.hold.as_mut()), &mut self.x);
+        let mut flow = Flow::new(&mut self.evaluator, self.hold.as_mut(), self.curves.as_mut(), &self.mesh);
+        let x = &mut self.x;
         match &self.solver {
             Solver::Lbfgs => Lbfgs::default().minimize(&mut flow, x, None, FIRST_STEP, &limits(300, 40, 20), monitor),
             Solver::LbfgsH2(metric) => {

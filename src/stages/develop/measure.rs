@@ -10,7 +10,7 @@ use crate::{
 };
 
 /// Cosine between neighbouring normals below which an edge counts as folded.
-const FOLDED: f64 = -0.5;
+pub(super) const FOLDED: f64 = -0.5;
 
 /// Share by which a proven distance may exceed the true one.
 const RESOLUTION: f64 = 0.01;

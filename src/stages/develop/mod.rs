@@ -6,6 +6,7 @@
 
 mod barrier;
 mod curvature;
+mod curves;
 pub mod energy;
 mod evaluate;
 mod fidelity;
@@ -13,11 +14,14 @@ mod flow;
 mod level;
 mod measure;
 mod metric;
+mod remesh;
+mod robust;
 pub mod stage;
 #[cfg(test)]
 mod tests;
 
 pub use barrier::Weights;
+pub use curves::{Boundary, Features, Network};
 pub use evaluate::{Evaluator, Parts};
 pub use measure::{Crossings, Defects, Deviation, folded_edges, smallest_angle};
 
@@ -28,6 +32,7 @@ use crate::{
     numeric::{Cancelled, Monitor, sparse::SparseError},
     surface::subdivide,
 };
+use curves::Networks;
 use energy::Energy;
 use level::Job;
 
@@ -56,6 +61,15 @@ pub struct Options {
     pub max_deviation: f64,
     /// Whether the flow is held to that distance; without, the distance is only measured.
     pub fidelity: bool,
+    /// What is done with boundary curves.
+    pub boundary: Boundary,
+    /// What is done with feature edges.
+    pub features: Features,
+    /// σ of the robust loss σ ln(1 + λ/σ) at the end of the last level, annealed from 1; `None` for plain λ.
+    pub facet: Option<f64>,
+    /// Whether triangles that are not buildable may be mended between rounds by changing the connectivity. Never with held
+    /// features.
+    pub remesh: bool,
     /// Subdivisions; `None` until there are enough vertices.
     pub levels: Option<usize>,
     /// Rounds per level, each with a stronger hold on the source.
@@ -101,6 +115,9 @@ const SMOOTHING: f64 = 0.3;
 /// which is what rounding to five or six digits in a file leaves of an exact one.
 const DEVELOPABLE: f64 = 1e-8;
 
+/// Distance of neighbouring samples of held curves over the promised deviation.
+const CURVE_SPACING: f64 = 0.5;
+
 /// Makes `start` piecewise developable near `source`. Both in mm.
 ///
 /// The result never has a folded edge if the barriers can undo those of the start. Its distance to the source is at most
@@ -126,10 +143,13 @@ pub fn develop(
     }
     let tree = Bvh::new(source);
     let levels = options.levels.unwrap_or_else(|| automatic_levels(start.vertex_count()));
-    let mut job = Job::new(source, &tree, options, levels, monitor);
+    let networks = |mesh| Networks::new(mesh, options.boundary, options.features);
+    let curves = networks(source).sources(source, CURVE_SPACING * options.max_deviation);
+    let mut job = Job::new(source, &tree, &curves, networks(start), options, levels, monitor);
     let mut mesh = start.clone();
     for level in 0..=levels {
         if level > 0 {
+            job.networks = job.networks.subdivided(&mesh);
             mesh = subdivide(&mesh).map_err(|error| DevelopError::Subdivide { level: level - 1, error })?;
         }
         mesh = job.level(&mesh, level)?;

@@ -5,13 +5,16 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 use serde_json::json;
 
 use super::{
-    Crossings, Defects, DevelopError, Deviation, Optimizer, Options, develop, energy, folded_edges, smallest_angle,
+    Boundary, Crossings, Defects, DevelopError, Deviation, Features, Network, Optimizer, Options, develop, energy,
+    folded_edges, smallest_angle,
 };
 use crate::{
     mesh::TriMesh,
     model::{DevelopableMesh, Round, SourceMesh},
-    profile::{Extent, Profiles},
+    numeric::Monitor,
+    profile::{Angle, Extent, Profiles},
     stage::{Check, Cx, KeyError, Section, Stage},
+    surface::subdivide,
 };
 
 /// Vertices whose energy exceeds this count as lying on a seam in `seam_vertex_share`.
@@ -29,6 +32,21 @@ pub struct Develop {
     pub max_deviation: Extent,
     /// Whether to hold the flow to that distance; without, the distance is only measured.
     pub fidelity: bool,
+    /// Boundary curves: "fair" (they slide but stay smooth), "hold" (also as near to the input's boundary as the surface to the
+    /// surface) or "free".
+    pub boundary: CurveRule,
+    /// Creases: "free" (they move where the energy wants them) or "hold" (those sharper than `feature_angle` stay near the
+    /// input's, and smooth).
+    pub features: CurveRule,
+    /// Edges with a larger angle between the normals of their faces are features.
+    pub feature_angle: Angle,
+    /// σ of the robust loss σ ln(1 + λ/σ): fewer, straighter seams between flat facets, at a higher energy; try 0.01. Not
+    /// given: smooth.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub facet: Option<f64>,
+    /// Whether triangles that are not buildable may be mended between rounds by changing the connectivity (never with held
+    /// features).
+    pub remesh: bool,
     /// Number of 4–1 subdivisions, or "auto".
     pub levels: Levels,
     /// Rounds per level, each with a stronger hold on the input.
@@ -45,6 +63,11 @@ impl Default for Develop {
             optimizer: Method::Auto,
             max_deviation: Extent::Percent(1.0),
             fidelity: true,
+            boundary: CurveRule::Fair,
+            features: CurveRule::Free,
+            feature_angle: Angle::degrees(50.0),
+            facet: None,
+            remesh: false,
             levels: Levels::Auto,
             rounds: 3,
             iterations: None,
@@ -79,6 +102,18 @@ impl Method {
             Self::Levenberg => Optimizer::Levenberg,
         }
     }
+}
+
+/// What is done with a curve.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum CurveRule {
+    /// It slides but stays smooth.
+    Fair,
+    /// It stays near that of the input, and smooth.
+    Hold,
+    /// Nothing.
+    Free,
 }
 
 /// How often to subdivide.
@@ -130,7 +165,7 @@ impl Serialize for Levels {
 
 impl Stage for Develop {
     const NAME: &'static str = "develop";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     type Input = (SourceMesh, TriMesh);
     type Output = DevelopableMesh;
     type Profile = ();
@@ -155,6 +190,12 @@ impl Stage for Develop {
             Extent::Percent(percent) => KeyError::range("max_deviation", percent, 1e-3, 100.0)?,
             Extent::Length(length) => KeyError::range("max_deviation", length.mm, 1e-6, 1e6)?,
         }
+        if self.features == CurveRule::Fair {
+            let message = "must be \"free\" or \"hold\"; only a boundary can be \"fair\"".into();
+            return Err(KeyError { key: "features", message });
+        }
+        KeyError::range("feature_angle", self.feature_angle.radians.to_degrees(), 5.0, 175.0)?;
+        KeyError::range("facet", self.facet.unwrap_or(1.0), 1e-5, 1.0)?;
         if let Levels::Count(count) = self.levels {
             KeyError::range("levels", count as f64, 0.0, 8.0)?;
         }
@@ -168,6 +209,17 @@ impl Stage for Develop {
             optimizer: self.optimizer.resolve(&self.energy),
             max_deviation: self.max_deviation.resolve(source.mesh.bounds().diagonal()),
             fidelity: self.fidelity,
+            boundary: match self.boundary {
+                CurveRule::Fair => Boundary::Fair,
+                CurveRule::Hold => Boundary::Hold,
+                CurveRule::Free => Boundary::Free,
+            },
+            features: match self.features {
+                CurveRule::Hold => Features::Hold(self.feature_angle.radians),
+                _ => Features::Free,
+            },
+            facet: self.facet,
+            remesh: self.remesh,
             levels: match self.levels {
                 Levels::Auto => None,
                 Levels::Count(count) => Some(count),
@@ -178,14 +230,14 @@ impl Stage for Develop {
         develop(&source.mesh, start, &options, &cx.monitor)
     }
 
-    fn section(&self, (source, _): (&SourceMesh, &TriMesh), _: &(), output: &DevelopableMesh) -> Section {
+    fn section(&self, (source, start): (&SourceMesh, &TriMesh), _: &(), output: &DevelopableMesh) -> Section {
         let (mesh, limit) = (&output.mesh, output.max_deviation);
         let percent = 100.0 / source.mesh.bounds().diagonal();
         let deviation = Deviation::between(&source.mesh, mesh, limit);
         let (defects, folds) = (Defects::of(mesh), folded_edges(mesh));
         let crossings = Crossings::between(&source.mesh, mesh, limit.max(deviation.hausdorff));
         let seam = output.energy.iter().filter(|&&energy| energy > SEAM_ENERGY).count();
-        let table = json!({
+        let mut table = json!({
             "max_deviation_pct": limit * percent,
             "hausdorff_bound_pct": deviation.bound * percent,
             "rounds": output.rounds.iter().map(round).collect::<Vec<_>>(),
@@ -213,7 +265,18 @@ impl Stage for Develop {
                 )
             }
         };
-        Section::new("develop", table)
+        let curves = self.curves(&source.mesh, start, mesh);
+        if let Some(jags) = Network::boundary(mesh).jaggedness(mesh) {
+            table["boundary_jaggedness_deg"] = json!(jags.to_degrees());
+        }
+        for (key, bound, _) in &curves {
+            table[format!("{key}_bound_pct")] = json!(bound * percent);
+        }
+        let held = curves.into_iter().filter(|it| it.2).fold(Section::default(), |section, (key, bound, _)| {
+            let note = format!("largest distance between the {key} curves of result and input, proven; allow more, or let them go (develop.{key} = \"free\")");
+            section.check(Check::at_most(&format!("develop.{key}"), bound, limit, "mm", note))
+        });
+        held.table("develop", table)
             .check(Check::at_most("develop.deviation", deviation.bound, limit, "mm", deviation_note(&deviation)))
             .check(Check::at_most("develop.folds", folds.len() as f64, 0.0, "edges", fold_note))
             .check(Check::at_most(
@@ -223,6 +286,33 @@ impl Stage for Develop {
                 "pairs",
                 crossings_note(&crossings, mesh),
             ))
+    }
+}
+
+impl Develop {
+    /// Per kind of curve (boundary, features): its key, the proven distance between those of result and source, mm, and
+    /// whether it was to be held.
+    fn curves(&self, source: &TriMesh, start: &TriMesh, result: &TriMesh) -> Vec<(&'static str, f64, bool)> {
+        let mut found = Vec::new();
+        let mut compare = |key, of_source: &Network, of_result: &Network, held| {
+            let bounds = of_source.distance(source, (of_result, result), 0.01, &Monitor::silent());
+            found.extend(bounds.ok().flatten().map(|it| (key, it.upper, held)));
+        };
+        let hold = self.boundary == CurveRule::Hold;
+        compare("boundary", &Network::boundary(source), &Network::boundary(result), hold);
+        if self.features == CurveRule::Hold {
+            let angle = self.feature_angle.radians;
+            // Creases of the result are those of the start, however flat they have become.
+            let mut at = (Network::features(start, angle), start.clone());
+            while at.1.face_count() < result.face_count() {
+                let Ok(fine) = subdivide(&at.1) else { break };
+                at = (at.0.subdivided(&at.1), fine);
+            }
+            if at.1.face_count() == result.face_count() {
+                compare("features", &Network::features(source, angle), &at.0, true);
+            }
+        }
+        found
     }
 }
 
@@ -306,6 +396,10 @@ mod tests {
             ("iterations = 0", "`iterations`"),
             ("optimizer = \"newton\"", "`levenberg`"),
             ("energy = \"intrinsic\"\noptimizer = \"levenberg\"", "write \"auto\""),
+            ("features = \"fair\"", "`features`"),
+            ("boundary = \"loose\"", "`hold`"),
+            ("feature_angle = 0", "`feature_angle`"),
+            ("facet = 0", "`facet`"),
             ("depth = 1", "depth"),
         ] {
             let error = table(text).unwrap_err();

@@ -2,7 +2,7 @@
 use super::{curvature::Curvature, energy::ENERGIES, *};
 use crate::{
     mesh::{FaceId, Id, VertexId, distance::two_sided_bounds, shapes},
-    numeric::sparse::SymmetricMatrix,
+    numeric::{optim::Objective, sparse::SymmetricMatrix},
 };
 
 /// Displaces every vertex by up to `noise` in a way that only looks random.
@@ -158,7 +158,7 @@ fn direction(n: usize) -> Vec<f64> {
 
 fn assembled(mesh: &TriMesh, weights: Weights) -> SymmetricMatrix {
     let evaluator = Evaluator::new(mesh, &ENERGIES[0], weights);
-    let curvature = Curvature::new(mesh).unwrap();
+    let curvature = Curvature::new(mesh, &[]).unwrap();
     let mut hessian = curvature.matrix();
     curvature.assemble(mesh, &evaluator, None, &mut hessian);
     hessian
@@ -244,6 +244,10 @@ fn options(max_deviation: f64) -> Options {
         optimizer: Optimizer::Levenberg,
         max_deviation,
         fidelity: true,
+        boundary: Boundary::Fair,
+        features: Features::Free,
+        facet: None,
+        remesh: false,
         levels: Some(0),
         rounds: 2,
         iterations: None,
@@ -335,4 +339,88 @@ fn crossings_of_the_result_are_told_from_those_of_the_source() {
     assert!(made.of_source == 0 && made.of_result > 0 && made.made.len() == made.of_result, "{made:?}");
     let moved = Crossings::between(&pair(1.9), &pair(1.3), 0.05);
     assert!(!moved.made.is_empty() && moved.of_source > 0, "crossings elsewhere are not inherited");
+}
+
+#[test]
+fn a_step_that_folds_an_edge_is_never_taken() {
+    // Without the fold barrier, so that only the filter stands in the way: the objective falls, its value is infinite.
+    let mesh = ball();
+    let mut evaluator = Evaluator::new(&mesh, &ENERGIES[0], Weights::default());
+    let (mut x, mut gradient) = (flatten(&mesh), vec![0.0; 3 * mesh.vertex_count()]);
+    let mut flow = flow::Flow::new(&mut evaluator, None, None, &mesh);
+    assert!(flow.evaluate(&x, &mut gradient).is_finite());
+    let (v, w) = (VertexId(50), mesh.neighbors(VertexId(50)).next().unwrap());
+    let (from, along) = (mesh.position(v), mesh.position(w) - mesh.position(v));
+    let mut at = |share: f64, flow: &mut flow::Flow| {
+        x[3 * v.index()..][..3].copy_from_slice((from + along * share).as_slice());
+        (flow.evaluate(&x, &mut gradient), x.clone())
+    };
+    assert!(at(0.5, &mut flow).0.is_finite());
+    assert_eq!(at(1.5, &mut flow).0, f64::INFINITY, "the vertex went through its neighbour");
+    // A start that is folded already may stay so, unfold, but not fold anew.
+    let folded = at(1.5, &mut flow).1;
+    let mut evaluator = Evaluator::new(&mesh, &ENERGIES[0], Weights::default());
+    let mut flow = flow::Flow::new(&mut evaluator, None, None, &mesh);
+    let mut gradient = vec![0.0; folded.len()];
+    assert!(flow.evaluate(&folded, &mut gradient).is_finite());
+    assert!(flow.evaluate(&flatten(&mesh), &mut gradient).is_finite());
+    flow.accepted(&flatten(&mesh));
+    assert_eq!(flow.evaluate(&folded, &mut gradient), f64::INFINITY);
+}
+
+#[test]
+fn the_robust_loss_has_the_gradient_of_differences_and_its_slope_in_the_curvature() {
+    let mesh = shaken(&ball(), 0.1);
+    let sigma = 0.02;
+    for energy in ENERGIES.iter().filter(|it| !it.name.contains("max")) {
+        let mut evaluator = Evaluator::new(&mesh, energy, Weights::default());
+        evaluator.set_robust(Some(sigma));
+        let (mut x, mut gradient) = (flatten(&mesh), vec![0.0; 3 * mesh.vertex_count()]);
+        let parts = evaluator.evaluate(&x, &mut gradient);
+        let expected: f64 = evaluator.energies().iter().map(|it| sigma * (1.0 + it / sigma).ln()).sum();
+        assert!((parts.total() - expected).abs() < 1e-12 * expected && parts.total() < 0.9 * parts.energy);
+        let largest = gradient.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
+        let mut unused = vec![0.0; x.len()];
+        for i in 0..x.len() {
+            let (here, h) = (x[i], 2e-6);
+            let mut at = |x_i: f64| {
+                x[i] = x_i;
+                evaluator.evaluate(&x, &mut unused).total()
+            };
+            let difference = (at(here + h) - at(here - h)) / (2.0 * h);
+            x[i] = here;
+            assert!((difference - gradient[i]).abs() < 1e-6 * largest, "{energy:?} {i}: {difference} {}", gradient[i]);
+        }
+    }
+    // With σ far above every λ the loss is the energy, and with one star, scaling by ρ′ is all there is to the model.
+    let assembled = |sigma: Option<f64>| {
+        let mut evaluator = Evaluator::new(&mesh, &ENERGIES[0], Weights::default());
+        evaluator.set_robust(sigma);
+        let curvature = Curvature::new(&mesh, &[]).unwrap();
+        let mut hessian = curvature.matrix();
+        curvature.assemble(&mesh, &evaluator, None, &mut hessian);
+        let v = direction(3 * mesh.vertex_count());
+        dot(&v, &hessian.multiply(&v))
+    };
+    let (plain, weak, strong) = (assembled(None), assembled(Some(1e9)), assembled(Some(sigma)));
+    assert!((plain - weak).abs() < 1e-6 * plain && strong < 0.9 * plain && strong > 0.0, "{plain} {weak} {strong}");
+}
+
+#[test]
+fn boundaries_become_fair_and_held_ones_stay() {
+    let source = shaken(&shapes::annulus(0.5, 1.0, 48, 6), 0.015);
+    let mut source = source;
+    // A dome, so that there is something to develop.
+    source.positions_mut().as_mut_slice().iter_mut().for_each(|p| p.z += 0.5 * (1.0 - p.x * p.x - p.y * p.y));
+    let jags = |mesh: &TriMesh| Network::boundary(mesh).jaggedness(mesh).unwrap();
+    let run = |boundary: Boundary| {
+        let options = Options { boundary, ..options(0.04) };
+        develop(&source, &source, &options, &Monitor::silent()).unwrap().mesh
+    };
+    let (free, fair, hold) = (run(Boundary::Free), run(Boundary::Fair), run(Boundary::Hold));
+    assert!(jags(&fair) < 0.5 * jags(&free), "{} {}", jags(&fair), jags(&free));
+    let networks = [&source, &hold].map(Network::boundary);
+    let bounds = networks[0].distance(&source, (&networks[1], &hold), 0.01, &Monitor::silent()).unwrap().unwrap();
+    assert!(bounds.upper <= 0.04, "{bounds:?}");
+    assert!(jags(&hold) < jags(&source), "{} {}", jags(&hold), jags(&source));
 }
