@@ -2,7 +2,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Length,
+    Length, Link,
     check::{Fault, Rule, at_least_zero, positive, within},
     operations::{Order, PerOperation},
 };
@@ -209,6 +209,9 @@ pub struct Machine {
     pub hairline: Length,
     /// How the tool is switched.
     pub head: Head,
+    /// How it is reached over a serial port.
+    #[serde(default)]
+    pub link: Link,
     /// The blade of a drag knife.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub knife: Option<Knife>,
@@ -232,6 +235,7 @@ impl Rule for Machine {
         if let Some(operation) = self.order.fault() {
             return Err(Fault::new("order", format!("must name `{}` exactly once", operation.name())));
         }
+        self.link.check()?;
         self.check_head()?;
         self.check_layers()?;
         for (operation, tool) in self.tools.iter() {

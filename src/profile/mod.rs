@@ -1,12 +1,14 @@
 //! Machine and material profiles: built into the binary, overridable by path and key by key in the config.
 
 mod check;
+mod link;
 mod load;
 mod machine;
 mod material;
 mod operations;
 mod units;
 
+pub use link::{Flow, Link, ModemLine, Protocol, Streaming};
 pub use load::{BuiltIn, MACHINES, MATERIALS, ProfileError, load_machine, load_material};
 pub use machine::{Color, Corner, Head, Knife, Layer, Machine, MachineKind, Tool};
 pub use material::{Material, ToolPatch};

@@ -1,9 +1,11 @@
 //! The one integration test binary.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
+mod board;
 mod files;
 mod fixtures;
 mod job;
+mod machine;
 mod meshes;
 mod pieces;
 mod registry;

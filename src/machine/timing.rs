@@ -1,0 +1,199 @@
+//! How long a program takes: trapezoids of speed with look-ahead, as GRBL's planner runs them.
+use std::collections::VecDeque;
+
+use super::path::{Move, Point};
+
+/// What the drives can do.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    /// Largest speed per axis, mm/min (`$110`–`$112`).
+    pub rate: Point,
+    /// Acceleration per axis, mm/s² (`$120`–`$122`).
+    pub acceleration: Point,
+    /// Junction deviation, mm (`$11`): how far a corner is thought to be rounded when its speed is chosen.
+    pub junction: f64,
+}
+
+/// Chord tolerance of arcs (`$12`, GRBL's default), mm; together with the junction deviation it bounds speed on arcs.
+const ARC_TOLERANCE: f64 = 0.002;
+
+/// Blocks looked at together. Beyond some metres nothing further ahead changes the speed here.
+const WINDOW: usize = 512;
+
+struct Block {
+    line: usize,
+    length: f64,
+    /// mm/s.
+    nominal: f64,
+    acceleration: f64,
+    end: Point,
+    /// Largest speed at its start, mm/s.
+    entry_max: f64,
+}
+
+/// Sums up the time of a program line by line.
+pub struct Clock {
+    limits: Limits,
+    blocks: VecDeque<Block>,
+    /// Speed at the start of the first block.
+    entry: f64,
+    /// Direction at the end of the last move, where it did not stop.
+    direction: Option<Point>,
+    /// Seconds per line.
+    seconds: Vec<f32>,
+}
+
+/// Largest value `v` such that `v * |d_i| <= limit_i` on every axis.
+fn along(direction: Point, limits: Point) -> f64 {
+    (0..3).filter(|&i| direction[i].abs() > 1e-9).map(|i| limits[i] / direction[i].abs()).fold(f64::INFINITY, f64::min)
+}
+
+/// Seconds of a path of `length` entered at `v0` and left at `v1`, with top speed `v` and acceleration `a`.
+fn trapezoid(length: f64, v0: f64, v: f64, v1: f64, a: f64) -> f64 {
+    let ramps = (2.0 * v * v - v0 * v0 - v1 * v1) / (2.0 * a);
+    if ramps <= length {
+        (2.0 * v - v0 - v1) / a + (length - ramps) / v
+    } else {
+        let peak = ((2.0 * a * length + v0 * v0 + v1 * v1) / 2.0).sqrt().max(v0).max(v1);
+        (2.0 * peak - v0 - v1) / a
+    }
+}
+
+impl Clock {
+    /// Starts at rest.
+    pub fn new(limits: Limits) -> Self {
+        Self { limits, blocks: VecDeque::new(), entry: 0.0, direction: None, seconds: Vec::new() }
+    }
+
+    fn book(&mut self, line: usize, seconds: f64) {
+        if self.seconds.len() <= line {
+            self.seconds.resize(line + 1, 0.0);
+        }
+        self.seconds[line] += seconds as f32;
+    }
+
+    /// Adds a movement of a line.
+    pub fn travel(&mut self, line: usize, it: &Move) {
+        let length = it.length();
+        if length < 1e-6 {
+            return;
+        }
+        let start = it.direction(0.0);
+        let chord = it.direction(0.5);
+        let rate = along(chord, self.limits.rate) / 60.0;
+        let acceleration = along(chord, self.limits.acceleration);
+        let mut nominal = if it.rapid { rate } else { (it.feed / 60.0).min(rate) };
+        if let Some(arc) = it.arc {
+            nominal = nominal.min((acceleration * arc.radius * self.limits.junction / ARC_TOLERANCE).sqrt());
+        }
+        // A feed of 0 is refused by the board; it must not make the estimate infinite.
+        let nominal = nominal.max(1e-3);
+        let entry_max = self.direction.map_or(0.0, |last| self.junction(last, start, acceleration));
+        self.blocks.push_back(Block { line, length, nominal, acceleration, end: it.direction(1.0), entry_max });
+        self.direction = self.blocks.back().map(|it| it.end);
+        if self.blocks.len() >= WINDOW {
+            self.settle(WINDOW / 2);
+        }
+    }
+
+    /// Speed through a corner: centripetal acceleration on the arc that leaves the corner by the junction deviation.
+    fn junction(&self, before: Point, after: Point, acceleration: f64) -> f64 {
+        let cos = -(0..3).map(|i| before[i] * after[i]).sum::<f64>();
+        if cos > 0.999_999 {
+            return 0.0;
+        }
+        let sin_half = ((1.0 - cos) / 2.0).sqrt();
+        if sin_half > 0.999_999 {
+            return f64::INFINITY;
+        }
+        (acceleration * self.limits.junction * sin_half / (1.0 - sin_half)).sqrt()
+    }
+
+    /// The machine stops and waits.
+    pub fn stop(&mut self, line: usize, seconds: f64) {
+        self.settle(self.blocks.len());
+        self.entry = 0.0;
+        self.direction = None;
+        self.book(line, seconds);
+    }
+
+    /// Books the first `count` blocks, with a stop assumed after the last.
+    fn settle(&mut self, count: usize) {
+        let n = self.blocks.len();
+        let mut entries = vec![0.0; n + 1];
+        for i in (0..n).rev() {
+            let block = &self.blocks[i];
+            let nominal = block.nominal.min(if i == 0 { f64::INFINITY } else { self.blocks[i - 1].nominal });
+            let reach = (entries[i + 1] * entries[i + 1] + 2.0 * block.acceleration * block.length).sqrt();
+            entries[i] = block.entry_max.min(nominal).min(reach);
+        }
+        let mut v = self.entry;
+        for i in 0..count {
+            let Some(block) = self.blocks.pop_front() else { break };
+            let reach = (v * v + 2.0 * block.acceleration * block.length).sqrt();
+            let exit = entries[i + 1].min(reach);
+            let top = block.nominal.max(v).max(exit);
+            self.book(block.line, trapezoid(block.length, v, top, exit, block.acceleration));
+            v = exit;
+        }
+        self.entry = v;
+    }
+
+    /// Seconds per line.
+    pub fn finish(mut self, lines: usize) -> Vec<f32> {
+        self.settle(self.blocks.len());
+        self.seconds.resize(lines, 0.0);
+        self.seconds
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn limits() -> Limits {
+        Limits { rate: [6000.0; 3], acceleration: [500.0; 3], junction: 0.01 }
+    }
+
+    fn straight(from: Point, to: Point, feed: f64) -> Move {
+        Move { from, to, arc: None, rapid: false, feed, working: true }
+    }
+
+    #[test]
+    fn one_move_is_a_trapezoid() {
+        let mut clock = Clock::new(limits());
+        clock.travel(0, &straight([0.0; 3], [100.0, 0.0, 0.0], 3000.0));
+        // 50 mm/s at 500 mm/s²: 0.1 s and 2.5 mm each way, 95 mm between.
+        assert!((clock.finish(1)[0] - (0.2 + 95.0 / 50.0) as f32).abs() < 1e-5);
+    }
+
+    #[test]
+    fn cutting_a_line_in_pieces_changes_nothing() {
+        let mut whole = Clock::new(limits());
+        whole.travel(0, &straight([0.0; 3], [200.0, 0.0, 0.0], 6000.0));
+        let mut pieces = Clock::new(limits());
+        for i in 0..2000 {
+            let at = |i: i32| [f64::from(i) * 0.1, 0.0, 0.0];
+            pieces.travel(0, &straight(at(i), at(i + 1), 6000.0));
+        }
+        let (whole, pieces) = (whole.finish(1)[0], pieces.finish(1)[0]);
+        assert!((whole - pieces).abs() < 1e-3, "{whole} {pieces}");
+    }
+
+    #[test]
+    fn corners_and_stops_cost_time() {
+        let corner = |stop: bool| {
+            let mut clock = Clock::new(limits());
+            clock.travel(0, &straight([0.0; 3], [10.0, 0.0, 0.0], 3000.0));
+            if stop {
+                clock.stop(0, 0.5);
+            }
+            clock.travel(1, &straight([10.0, 0.0, 0.0], [10.0, 10.0, 0.0], 3000.0));
+            clock.finish(2).iter().sum::<f32>()
+        };
+        let full = 2.0 * (0.2 + 5.0 / 50.0);
+        assert!((corner(true) - full - 0.5).abs() < 1e-4);
+        // Through the corner at sqrt(500 · 0.01 · sin45/(1 - sin45)) = 3.47 mm/s instead of 0: saves a little.
+        assert!(corner(false) < full && corner(false) > full - 0.02);
+    }
+}
