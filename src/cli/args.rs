@@ -27,6 +27,8 @@ pub(super) enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Send programs to a machine over a serial port
+    Send(Send),
     /// List the serial ports of this machine
     Ports,
     /// List the built-in profiles, or show one
@@ -69,6 +71,43 @@ pub(super) struct Run {
     /// Print report.json to stdout instead of a summary
     #[arg(long)]
     pub(super) json: bool,
+    /// No progress
+    #[arg(long)]
+    pub(super) quiet: bool,
+}
+
+#[derive(Debug, clap::Args)]
+pub(super) struct Send {
+    /// G-code programs, sent one after another
+    #[arg(value_name = "FILE", required_unless_present_any = ["home", "unlock", "zero"])]
+    pub(super) files: Vec<PathBuf>,
+    /// Machine profile: a built-in name or a path
+    #[arg(long, value_name = "PROFILE")]
+    pub(super) machine: String,
+    /// Serial port (see `fabricate ports`)
+    #[arg(long, required_unless_present = "dry_run")]
+    pub(super) port: Option<String>,
+    /// Read and measure the programs without opening the port
+    #[arg(long)]
+    pub(super) dry_run: bool,
+    /// Let the board read the programs without moving ($C), and stop there
+    #[arg(long)]
+    pub(super) check: bool,
+    /// Go once round the job with the tool off, and stop there
+    #[arg(long)]
+    pub(super) frame: bool,
+    /// Home the machine first ($H)
+    #[arg(long)]
+    pub(super) home: bool,
+    /// Unlock the machine first ($X); its position is then your responsibility
+    #[arg(long)]
+    pub(super) unlock: bool,
+    /// Take the present place as the work zero (G54)
+    #[arg(long)]
+    pub(super) zero: bool,
+    /// Go on with an interrupted job, by the journal beside the file
+    #[arg(long, conflicts_with_all = ["check", "frame", "dry_run"])]
+    pub(super) resume: bool,
     /// No progress
     #[arg(long)]
     pub(super) quiet: bool,

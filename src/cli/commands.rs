@@ -6,7 +6,7 @@ use clap::CommandFactory;
 use super::{
     CANCEL, Exit,
     args::{Args, Check, Command, Init, Profiles, Run},
-    inspect, show, template,
+    inspect, send, show, template,
 };
 use crate::{
     machine,
@@ -21,6 +21,7 @@ pub(super) fn run(args: Args) -> Exit {
         Command::Check(args) => check(&args),
         Command::Init(args) => init(&args),
         Command::Inspect { file, json } => inspect::inspect(&file, json),
+        Command::Send(args) => send::send(&args),
         Command::Ports => ports(),
         Command::Profiles { show } => profiles(show),
         Command::Completions { shell } => {

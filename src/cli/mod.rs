@@ -3,6 +3,7 @@
 mod args;
 mod commands;
 mod inspect;
+mod send;
 mod show;
 mod template;
 
@@ -21,6 +22,7 @@ enum Exit {
     Usage = 2,
     Input = 3,
     Output = 4,
+    Machine = 5,
     Interrupted = 130,
 }
 

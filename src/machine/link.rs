@@ -8,7 +8,7 @@ use std::{
 use serialport::{ClearBuffer, FlowControl, SerialPort};
 
 use super::{ports, protocol::Seconds};
-use crate::profile::{self, Flow, ModemLine, Protocol};
+use crate::profile::{self, ModemLine};
 
 /// A wire to a machine, with the clock that goes with it.
 pub trait Wire {
@@ -65,12 +65,7 @@ const WRITE_TIMEOUT: Duration = Duration::from_millis(20);
 impl Serial {
     /// Opens a port as a profile says.
     pub fn open(port: &str, link: &profile::Link) -> Result<Self, OpenError> {
-        let flow = match (link.protocol, link.flow) {
-            (Protocol::Hpgl, Flow::XonXoff) => FlowControl::Software,
-            (Protocol::Hpgl, Flow::RtsCts) => FlowControl::Hardware,
-            _ => FlowControl::None,
-        };
-        let mut builder = serialport::new(port, link.baud).timeout(WRITE_TIMEOUT).flow_control(flow);
+        let mut builder = serialport::new(port, link.baud).timeout(WRITE_TIMEOUT).flow_control(FlowControl::None);
         builder = match link.dtr {
             ModemLine::Keep => builder,
             ModemLine::On => builder.dtr_on_open(true),

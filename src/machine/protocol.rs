@@ -145,11 +145,10 @@ pub enum Fault {
     )]
     Unplugged(String),
     /// The port takes no bytes.
-    #[error("the port has taken no byte for {0:.0} s; is flow control set as on the machine (link.flow)?")]
+    #[error(
+        "the port has taken no byte for {0:.0} s; is another device on this port, or is a hardware handshake holding it?"
+    )]
     Unwritable(Seconds),
-    /// A line was asked for again too often.
-    #[error("line {0} was garbled {1} times; the connection is too poor to go on")]
-    Garbled(usize, u32),
     /// Ctrl-C, SIGTERM, or the program ended.
     #[error("stopped on request")]
     Interrupted,

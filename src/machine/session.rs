@@ -31,6 +31,8 @@ pub enum Wish {
 pub trait Operator {
     /// The next wish, without waiting.
     fn wish(&mut self) -> Option<Wish>;
+    /// A program of so many seconds begins.
+    fn begin(&mut self, _name: &str, _seconds: Seconds) {}
     /// Something happened.
     fn event(&mut self, event: &Event);
     /// Seconds of the plan done; for a progress bar.
@@ -285,6 +287,21 @@ impl<'a, W: Wire, P: Protocol> Session<'a, W, P> {
         self.rest()
     }
 
+    /// Announces a program.
+    pub fn begin(&mut self, name: &str, seconds: Seconds) {
+        self.operator.begin(name, seconds);
+    }
+
+    /// Waits for the operator.
+    pub fn ask(&mut self, why: &str) -> Result<(), SendError> {
+        self.paused = true;
+        self.operator.paused(why);
+        while self.paused {
+            self.pump()?;
+        }
+        Ok(())
+    }
+
     /// Waits until everything is answered and nothing moves.
     pub fn rest(&mut self) -> Result<(), SendError> {
         self.pump()?;
@@ -403,13 +420,8 @@ impl<'a, W: Wire, P: Protocol> Session<'a, W, P> {
         told: &mut Option<usize>,
         why: &str,
     ) -> Result<(), SendError> {
-        self.paused = true;
         self.mark(program, journal, told)?;
-        self.operator.paused(why);
-        while self.paused {
-            self.pump()?;
-        }
-        Ok(())
+        self.ask(why)
     }
 
     /// Runs the safe abort to its end without asking the operator.

@@ -1,19 +1,7 @@
-//! How a machine is reached over a serial port.
+//! How a GRBL-type board is reached over a serial port.
 use serde::{Deserialize, Serialize};
 
 use super::check::{Fault, within};
-
-/// The language of the board.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Protocol {
-    /// GRBL 1.1, grblHAL, FluidNC.
-    Grbl,
-    /// Marlin and its kin.
-    Marlin,
-    /// Vinyl cutters and pen plotters that speak HPGL.
-    Hpgl,
-}
 
 /// What to do with a modem line when the port is opened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -37,38 +25,18 @@ pub enum Streaming {
     SendResponse,
 }
 
-/// How an HPGL machine says that it is full.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Flow {
-    /// It does not.
-    None,
-    /// By the bytes XOFF and XON.
-    XonXoff,
-    /// By the wires RTS and CTS.
-    RtsCts,
-    /// By answering `ESC.B` with the free bytes of its buffer.
-    EscB,
-}
-
 /// The connection.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Link {
-    /// Language.
-    pub protocol: Protocol,
     /// Bits per second.
     pub baud: u32,
     /// The DTR line.
     pub dtr: ModemLine,
     /// The RTS line.
     pub rts: ModemLine,
-    /// Pacing of lines; Marlin always takes one at a time.
+    /// Pacing of lines.
     pub streaming: Streaming,
-    /// Whether Marlin gets line numbers and checksums.
-    pub checksum: bool,
-    /// Flow control of HPGL machines.
-    pub flow: Flow,
     /// Largest motion to have on the board, s: with the cable out the tool goes on that long.
     pub buffered: f64,
     /// How long the board may take to start after the port was opened, s.
@@ -78,13 +46,10 @@ pub struct Link {
 impl Default for Link {
     fn default() -> Self {
         Self {
-            protocol: Protocol::Grbl,
             baud: 115_200,
             dtr: ModemLine::Keep,
             rts: ModemLine::Keep,
             streaming: Streaming::Counting,
-            checksum: true,
-            flow: Flow::XonXoff,
             buffered: 2.0,
             boot: 8.0,
         }

@@ -8,7 +8,7 @@ mod material;
 mod operations;
 mod units;
 
-pub use link::{Flow, Link, ModemLine, Protocol, Streaming};
+pub use link::{Link, ModemLine, Streaming};
 pub use load::{BuiltIn, MACHINES, MATERIALS, ProfileError, load_machine, load_material};
 pub use machine::{Color, Corner, Head, Knife, Layer, Machine, MachineKind, Tool};
 pub use material::{Material, ToolPatch};

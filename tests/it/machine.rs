@@ -89,7 +89,7 @@ pub(crate) fn polygons(count: usize, corners: usize, radius: f64) -> String {
 }
 
 /// What the program says should be touched: strokes in work coordinates.
-fn expected(program: &str, machine: &Machine) -> Vec<Vec<[f64; 2]>> {
+pub(crate) fn expected(program: &str, machine: &Machine) -> Vec<Vec<[f64; 2]>> {
     // The other reader of the house, so that this is no copy of the sender's own understanding.
     let read = fabricate::import::read_gcode(program).unwrap();
     let servo = |power: f64| power > 50.0;
@@ -100,7 +100,7 @@ fn expected(program: &str, machine: &Machine) -> Vec<Vec<[f64; 2]>> {
 }
 
 /// What the board really did with the tool on, as strokes in work coordinates.
-fn touched(board: &GrblBoard) -> Vec<Vec<[f64; 2]>> {
+pub(crate) fn touched(board: &GrblBoard) -> Vec<Vec<[f64; 2]>> {
     let zero = board.work_zero();
     let mut out: Vec<Vec<[f64; 2]>> = Vec::new();
     let mut last: Option<Sample> = None;
@@ -124,7 +124,7 @@ fn touched(board: &GrblBoard) -> Vec<Vec<[f64; 2]>> {
     out
 }
 
-fn same(a: &[Vec<[f64; 2]>], b: &[Vec<[f64; 2]>]) -> Result<(), String> {
+pub(crate) fn same(a: &[Vec<[f64; 2]>], b: &[Vec<[f64; 2]>]) -> Result<(), String> {
     if a.len() != b.len() {
         return Err(format!("{} strokes instead of {}", b.len(), a.len()));
     }
@@ -459,7 +459,7 @@ const CASES: &[Case] = &[
     },
 ];
 
-const HOME_ZERO: [f64; 3] = [-410.0, -290.0, -20.0];
+pub(crate) const HOME_ZERO: [f64; 3] = [-410.0, -290.0, -20.0];
 
 fn homed(hal: bool) -> Rc<RefCell<GrblBoard>> {
     let config = if hal {

@@ -9,4 +9,5 @@ mod machine;
 mod meshes;
 mod pieces;
 mod registry;
+mod send;
 mod tidy;
