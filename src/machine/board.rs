@@ -13,6 +13,21 @@ use crate::profile::{Head, Machine};
 /// GRBL's default, mm; where the board does not tell.
 const JUNCTION: f64 = 0.01;
 
+/// How a board is spoken to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Fill the receive buffer by counting characters; otherwise one line at a time.
+    pub counting: bool,
+    /// Largest motion to have on the board, s.
+    pub buffered: f64,
+    /// How long a board may take to start after the port was opened, s.
+    pub boot: f64,
+    /// Lines that bring the tool to rest after M5: a servo's way up.
+    pub retract: Vec<String>,
+    /// Work height of the lifted tool where there is a Z axis, mm.
+    pub clear_height: Option<f64>,
+}
+
 /// What the board said about itself.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Board {

@@ -261,8 +261,7 @@ impl Interpreter {
     pub fn line(&mut self, bare: &str) -> Result<Step, LineError> {
         let mut step = Step::default();
         if bare.starts_with('$') {
-            step.alone = true;
-            step.waits = true;
+            (step.alone, step.waits) = (true, true);
             step.opaque = !matches!(bare, "$X" | "$I" | "$G" | "$#" | "$$");
             self.state.certain &= !step.opaque;
             step.working = self.state.working(self.sense, false, self.state.work_position()[2]);
@@ -367,8 +366,7 @@ impl Interpreter {
                 }
                 281 | 301 => {
                     self.state.offsets.park[usize::from(code(word) == 301)] = Some(self.state.position);
-                    step.alone = true;
-                    step.waits = true;
+                    (step.alone, step.waits) = (true, true);
                 }
                 100 => {
                     self.set_offsets(values, step);
@@ -466,8 +464,7 @@ impl Interpreter {
                 }
             }
         }
-        step.alone = true;
-        step.waits = true;
+        (step.alone, step.waits) = (true, true);
         step.opaque |= !l2 && !l20;
     }
 

@@ -3,26 +3,11 @@ use std::collections::VecDeque;
 
 use super::{
     abort::{Abort, Act, Raise},
-    board::Board,
+    board::{Board, Options},
     protocol::{Aborted, Command, Event, Fault, Line, Place, Protocol, Seconds},
     reply::{LineReader, Mode, Reply, Report, parse, same_place},
     track::Track,
 };
-
-/// How a board is spoken to.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Options {
-    /// Fill the receive buffer by counting characters; otherwise one line at a time.
-    pub counting: bool,
-    /// Largest motion to have on the board, s.
-    pub buffered: Seconds,
-    /// How long a board may take to start after the port was opened, s.
-    pub boot: Seconds,
-    /// Lines that bring the tool to rest after M5: a servo's way up.
-    pub retract: Vec<String>,
-    /// Work height of the lifted tool where there is a Z axis, mm.
-    pub clear_height: Option<f64>,
-}
 
 /// Seconds between status requests.
 const POLL: Seconds = 0.1;

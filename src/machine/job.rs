@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use super::{
-    board::profile_limits,
+    board::{Options, profile_limits},
     codes,
     feed::Feed,
     gcode::{LineError, Offsets, Sense, State},
-    grbl::{Grbl, Options},
+    grbl::Grbl,
     journal::{Journal, JournalError},
     link::Wire,
     path::distance,

@@ -10,18 +10,6 @@ use serialport::{ClearBuffer, FlowControl, SerialPort};
 use super::{ports, protocol::Seconds};
 use crate::profile::{self, ModemLine};
 
-/// A wire to a machine, with the clock that goes with it.
-pub trait Wire {
-    /// Seconds since it was opened.
-    fn now(&self) -> Seconds;
-    /// Waits at most `seconds` for bytes; none came when the result is empty. `Err` when the wire is broken.
-    fn read(&mut self, seconds: Seconds) -> Result<Vec<u8>, String>;
-    /// Takes as many bytes as it can without long delay.
-    fn write(&mut self, bytes: &[u8]) -> Result<usize, String>;
-    /// Throws away bytes that were taken but not sent yet.
-    fn discard(&mut self);
-}
-
 /// Why a port could not be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
@@ -163,4 +151,16 @@ impl Wire for Serial {
         // Without effect on a broken wire, which the read side reports.
         let _ = self.port.clear(ClearBuffer::Output);
     }
+}
+
+/// A wire to a machine, with the clock that goes with it.
+pub trait Wire {
+    /// Seconds since it was opened.
+    fn now(&self) -> Seconds;
+    /// Waits at most `seconds` for bytes; none came when the result is empty. `Err` when the wire is broken.
+    fn read(&mut self, seconds: Seconds) -> Result<Vec<u8>, String>;
+    /// Takes as many bytes as it can without long delay.
+    fn write(&mut self, bytes: &[u8]) -> Result<usize, String>;
+    /// Throws away bytes that were taken but not sent yet.
+    fn discard(&mut self);
 }

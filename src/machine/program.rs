@@ -190,11 +190,8 @@ impl Program {
                 reading.label = Some((at, at + label.len()));
             }
             // Nothing after M2 is part of the program.
-            if ended {
-                continue;
-            }
             let plain = bare(line);
-            if plain.is_empty() {
+            if ended || plain.is_empty() {
                 continue;
             }
             match reading.line(index, &plain, &mut it) {

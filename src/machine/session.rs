@@ -27,20 +27,6 @@ pub enum Wish {
     PlannedFeed,
 }
 
-/// Who watches and steers.
-pub trait Operator {
-    /// The next wish, without waiting.
-    fn wish(&mut self) -> Option<Wish>;
-    /// A program of so many seconds begins.
-    fn begin(&mut self, _name: &str, _seconds: Seconds) {}
-    /// Something happened.
-    fn event(&mut self, event: &Event);
-    /// Seconds of the plan done; for a progress bar.
-    fn progress(&mut self, done: Seconds);
-    /// The job waits for [`Wish::Go`]: the machine rests with the tool off.
-    fn paused(&mut self, why: &str);
-}
-
 /// Why a job was not finished.
 #[derive(Debug, thiserror::Error)]
 pub enum SendError {
@@ -444,4 +430,18 @@ impl<W: Wire, P: Protocol> Drop for Session<'_, W, P> {
             self.abort();
         }
     }
+}
+
+/// Who watches and steers.
+pub trait Operator {
+    /// The next wish, without waiting.
+    fn wish(&mut self) -> Option<Wish>;
+    /// A program of so many seconds begins.
+    fn begin(&mut self, _name: &str, _seconds: Seconds) {}
+    /// Something happened.
+    fn event(&mut self, event: &Event);
+    /// Seconds of the plan done; for a progress bar.
+    fn progress(&mut self, done: Seconds);
+    /// The job waits for [`Wish::Go`]: the machine rests with the tool off.
+    fn paused(&mut self, why: &str);
 }
