@@ -26,6 +26,12 @@ pub(super) enum Command {
         /// One JSON document instead of a summary
         #[arg(long)]
         json: bool,
+        /// Read a program as this machine would: its tool, speeds and bed
+        #[arg(long, value_name = "PROFILE")]
+        machine: Option<String>,
+        /// Draw a drawing or a program as a PNG
+        #[arg(long, value_name = "PNG")]
+        picture: Option<PathBuf>,
     },
     /// Send programs to a machine over a serial port
     Send(Send),

@@ -20,7 +20,9 @@ pub(super) fn run(args: Args) -> Exit {
         Command::Run(args) => job(&args),
         Command::Check(args) => check(&args),
         Command::Init(args) => init(&args),
-        Command::Inspect { file, json } => inspect::inspect(&file, json),
+        Command::Inspect { file, json, machine, picture } => {
+            inspect::inspect(&file, json, machine.as_deref(), picture.as_deref())
+        }
         Command::Send(args) => send::send(&args),
         Command::Ports => ports(),
         Command::Profiles { show } => profiles(show),

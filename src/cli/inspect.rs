@@ -3,10 +3,22 @@ use std::{collections::BTreeMap, fs, path::Path};
 
 use serde_json::{Value, json};
 
-use super::{Exit, show};
+use super::{Exit, send, show};
 use crate::{
-    import::{self, Drawing, DrawingError, mesh as reader},
+    import::{
+        self, Drawing, DrawingError, DrawnLine,
+        gcode::{Interpreter, Offsets, Sense, State, bare, points},
+        mesh as reader,
+    },
+    machine::{
+        board::profile_limits,
+        job,
+        program::{Bounds, Program, Setting},
+        timing::Limits,
+    },
     pipeline,
+    profile::Machine,
+    report::{self, Lines},
 };
 
 /// Reads the bytes of a drawing.
@@ -17,43 +29,67 @@ const DRAWINGS: &[(&str, Reader)] = &[("svg", import::read_svg), ("dxf", import:
 /// Extensions of G-code.
 const PROGRAMS: &[&str] = &["nc", "gcode", "ngc", "tap"];
 
+const WORK: [u8; 3] = [0xc8, 0x10, 0x2e];
+const TRAVEL: [u8; 3] = [0xb4, 0xc4, 0xd8];
+/// Pixels of the longer side of a picture.
+const PIXELS: u32 = 2000;
+/// Drives assumed where no machine is named: mm/min and mm/s².
+const ASSUMED: Limits = Limits { rate: [6000.0; 3], acceleration: [500.0; 3], junction: 0.01 };
+
 /// Shows what `file` holds.
-pub(super) fn inspect(file: &Path, as_json: bool) -> Exit {
+pub(super) fn inspect(file: &Path, as_json: bool, machine: Option<&str>, picture: Option<&Path>) -> Exit {
+    let machine = match machine.map(send::profile).transpose() {
+        Ok(machine) => machine,
+        Err(message) => {
+            show::note(&format!("error: {message}"));
+            return Exit::Usage;
+        }
+    };
     let extension = file.extension().map(|it| it.to_string_lossy().to_lowercase()).unwrap_or_default();
     let facts = if reader::FORMATS.iter().any(|it| it.1 == extension) {
-        pipeline::inspect_mesh(file)
+        pipeline::inspect_mesh(file).map(|it| (it, Lines::new()))
     } else {
         match fs::read(file) {
-            Ok(bytes) => plane(&extension, &bytes),
+            Ok(bytes) => plane(&extension, &bytes, machine.as_ref()),
             Err(err) => Err(err.to_string()),
         }
     };
-    match facts {
-        Ok(facts) => {
-            if as_json {
-                show::data(&format!("{facts:#}"));
-            } else {
-                show::facts(&facts);
-            }
-            Exit::Done
-        }
+    let (facts, lines) = match facts {
+        Ok(it) => it,
         Err(reason) => {
             show::note(&format!("error: {}: {reason}", file.display()));
-            Exit::Input
+            return Exit::Input;
+        }
+    };
+    if as_json {
+        show::data(&format!("{facts:#}"));
+    } else {
+        show::facts(&facts);
+    }
+    if let Some(path) = picture {
+        let drawn = report::lines(&lines, PIXELS).and_then(|it| fs::write(path, it).map_err(|it| it.to_string()));
+        if let Err(reason) = drawn {
+            show::note(&format!("error: no picture {}: {reason}", path.display()));
+            return Exit::Output;
         }
     }
+    if facts["outside_bed"].is_array() { Exit::ChecksFailed } else { Exit::Done }
 }
 
-fn plane(extension: &str, bytes: &[u8]) -> Result<Value, String> {
+fn plane(extension: &str, bytes: &[u8], machine: Option<&Machine>) -> Result<(Value, Lines), String> {
+    let shown = |it: Drawing| {
+        let close = |it: &DrawnLine| it.points.iter().chain(it.closed.then(|| &it.points[0])).copied().collect();
+        (drawing(&it), it.lines.iter().map(|it| (close(it), WORK)).collect())
+    };
     if let Some((_, read)) = DRAWINGS.iter().find(|it| it.0 == extension) {
-        return read(bytes).map(|it| drawing(&it)).map_err(|it| it.to_string());
+        return read(bytes).map(shown).map_err(|it| it.to_string());
     }
     let text = || std::str::from_utf8(bytes).map_err(|it| it.to_string());
     if extension == "plt" {
-        return import::read_hpgl(text()?).map(|it| drawing(&it)).map_err(|it| it.to_string());
+        return import::read_hpgl(text()?).map(shown).map_err(|it| it.to_string());
     }
     if PROGRAMS.contains(&extension) {
-        return import::read_gcode(text()?).map(|it| program(&it)).map_err(|it| it.to_string());
+        return program(text()?, machine);
     }
     let drawings = DRAWINGS.iter().map(|it| it.0);
     let known: Vec<_> =
@@ -85,22 +121,62 @@ fn drawing(drawing: &Drawing) -> Value {
     facts
 }
 
-fn program(program: &import::Program) -> Value {
-    let length = |rapid: bool| -> f64 {
-        program.moves.iter().filter(|it| it.rapid == rapid).map(|it| (it.to - it.from).norm()).sum()
+/// A program as the sender reads it: the same errors, bounds and times.
+fn program(text: &str, machine: Option<&Machine>) -> Result<(Value, Lines), String> {
+    let sense = machine.map_or_else(|| Sense::guess(text), |it| Sense::of(&it.head));
+    let setting = Setting {
+        state: State::new([0.0; 3], Offsets::default()),
+        sense,
+        limits: machine.map_or(ASSUMED, profile_limits),
     };
+    let program = Program::read(text.to_owned(), &setting).map_err(|errors| {
+        let errors: Vec<String> = errors.iter().map(ToString::to_string).collect();
+        errors.join("\n  ")
+    })?;
+    let bounds = |it: &Bounds| json!([it.min, it.max]);
     let mut facts = json!({
-        "moves": program.moves.len(),
-        "feed_mm": length(false),
-        "rapid_mm": length(true),
-        "pauses": program.pauses,
-        "dwell_s": program.dwell,
-        "ends": program.ended,
-        "longest_line": program.longest_line,
+        "lines": program.len(),
+        "tool": match sense {
+            Sense::Beam => "beam: at work in feed moves with S above 0".to_owned(),
+            Sense::Servo { up, down } => format!("servo: up at S{up}, down at S{down}"),
+            Sense::Height { clear } => format!("Z axis: at work below Z{clear}"),
+        },
+        "contours": program.contours.len(),
+        "work_mm": program.worked,
+        "travel_mm": program.travelled,
+        "pauses": program.pauses.len(),
+        "seconds_estimate": program.total_seconds(),
     });
-    if !program.moves.is_empty() {
-        let box3 = program.extents();
-        facts["extents_mm"] = json!([box3.min.as_slice(), box3.max.as_slice()]);
+    if !program.work.is_empty() {
+        facts["extents_mm"] = bounds(&program.work);
     }
-    facts
+    if !program.touched.is_empty() {
+        facts["touched_mm"] = bounds(&program.touched);
+    }
+    if let Some(line) = program.opaque {
+        facts["not_followed_from_line"] = json!(line + 1);
+    }
+    match machine {
+        None => facts["assumed"] = json!("100 mm/s and 500 mm/s² on every axis; name a machine with --machine"),
+        Some(machine) => {
+            let faults = job::bed_faults(&program, machine);
+            if !faults.is_empty() {
+                facts["outside_bed"] = json!(faults);
+            }
+        }
+    }
+    let mut interpreter = Interpreter::new(setting.state, sense);
+    let (mut travel, mut work) = (Lines::new(), Lines::new());
+    for index in 0..program.len() {
+        let step = interpreter.line(&bare(program.line(index))).map_err(|it| it.to_string())?;
+        for it in &step.moves {
+            let (to, color) = if it.working { (&mut work, WORK) } else { (&mut travel, TRAVEL) };
+            to.push((points(std::slice::from_ref(it), 0.01), color));
+        }
+        if step.end {
+            break;
+        }
+    }
+    travel.append(&mut work);
+    Ok((facts, travel))
 }

@@ -97,7 +97,8 @@ pub(super) fn send(args: &Send) -> Exit {
     }
 }
 
-fn profile(name: &str) -> Result<Machine, String> {
+/// A machine profile by its name or path.
+pub(super) fn profile(name: &str) -> Result<Machine, String> {
     let text = format!("profile = {}", toml::Value::String(name.to_owned()));
     let table = DeTable::parse(&text).map_err(|err| err.to_string())?;
     load_machine(Path::new("."), table.get_ref()).map_err(|err| err.to_string())

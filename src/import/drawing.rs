@@ -58,7 +58,7 @@ pub enum DrawingError {
         /// From 1.
         line: usize,
         /// What is wrong.
-        message: &'static str,
+        message: String,
         /// The line.
         text: String,
     },

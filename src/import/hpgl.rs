@@ -15,7 +15,8 @@ pub fn read_hpgl(text: &str) -> Result<Drawing, DrawingError> {
     for command in text.split_inclusive(';') {
         let before = command.len() - command.trim_start().len();
         line += command[..before].matches('\n').count();
-        let fault = |message| DrawingError::Program { line, message, text: command.trim().into() };
+        let fault =
+            |message: &str| DrawingError::Program { line, message: message.into(), text: command.trim().into() };
         let command_text = command.trim().trim_end_matches(';');
         if command_text.is_empty() {
             continue;

@@ -2,13 +2,13 @@
 
 mod drawing;
 mod dxf;
-mod gcode;
+pub mod gcode;
 mod hpgl;
 pub mod mesh;
 mod svg;
 
 pub use drawing::{Drawing, DrawingError, DrawnLine};
 pub use dxf::read_dxf;
-pub use gcode::{Move, Program, Spindle, read_gcode};
+pub use gcode::read_gcode;
 pub use hpgl::read_hpgl;
 pub use svg::read_svg;

@@ -59,6 +59,12 @@ pub(super) struct Raise {
     pub(super) from: f64,
 }
 
+impl Raise {
+    fn needed(self) -> bool {
+        self.to - self.from > 0.001
+    }
+}
+
 impl Abort {
     /// Begins: `retract` are the lines after `$X` and M5; a Z axis is raised last.
     pub(super) fn new(now: Seconds, fault: Fault, retract: &[String], raise: Option<Raise>) -> Self {
@@ -138,7 +144,7 @@ impl Abort {
         self.since = now;
         if self.lines.is_empty()
             && let Some(raise) = self.raise.take()
-            && raise.to - raise.from > 0.001
+            && raise.needed()
         {
             // Relative, because after a reset of the board's power only the way up is known, not the height.
             self.lines.extend(["G21G91".to_owned(), format!("G0Z{:.3}", raise.to - raise.from), "G90".to_owned()]);
@@ -203,7 +209,7 @@ impl Abort {
             }
             (Act::Close, Reply::Ok | Reply::Error(_)) if self.waiting => {
                 self.waiting = false;
-                let last = self.lines.is_empty() && self.raise.is_none();
+                let last = self.lines.is_empty() && self.raise.is_none_or(|it| !it.needed());
                 self.outcome.tool_off |= *reply == Reply::Ok && last;
                 self.close(now, out);
             }

@@ -2,13 +2,14 @@
 use std::collections::BTreeMap;
 
 use super::{
-    gcode::Offsets,
-    path::Point,
     program::Bounds,
     reply::{Mode, Report},
     timing::Limits,
 };
-use crate::profile::{Head, Machine};
+use crate::{
+    import::gcode::{Offsets, path::Point},
+    profile::{Head, Machine},
+};
 
 /// GRBL's default, mm; where the board does not tell.
 const JUNCTION: f64 = 0.01;

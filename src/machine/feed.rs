@@ -1,9 +1,9 @@
 //! Turns a program into the lines that go out, one at a time.
 use super::{
-    gcode::{Interpreter, LineError, State, bare},
     program::{Program, Setting, preamble},
     protocol::Line,
 };
+use crate::import::gcode::{Interpreter, LineError, State, bare};
 
 /// What comes next.
 #[derive(Debug, Clone, PartialEq)]

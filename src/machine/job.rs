@@ -6,16 +6,17 @@ use super::{
     board::{Options, profile_limits},
     codes,
     feed::Feed,
-    gcode::{LineError, Offsets, Sense, State},
     grbl::Grbl,
     journal::{Journal, JournalError},
     link::Wire,
-    path::distance,
     program::{Program, Setting},
     protocol::{Aborted, Fault, Line},
     session::{SendError, Session},
 };
-use crate::profile::{Corner, Head, Machine, Streaming};
+use crate::{
+    import::gcode::{LineError, Offsets, Sense, State, path::distance},
+    profile::{Corner, Head, Machine, Streaming},
+};
 
 /// What to do with a program.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use std::{
     path::Path,
 };
 
-use super::path::Point;
+use crate::import::gcode::path::Point;
 
 const HEAD: &str = "fabricate journal 1";
 

@@ -1,20 +1,18 @@
 //! The way to a machine: protocols without a port inside, the port, and the job that runs over them.
 //!
 //! [`protocol`] says what protocols have in common, [`grbl`] is one of them (its safe abort in `abort`, its replies in
-//! [`reply`]). [`board`] is what it tells of itself. [`gcode`] reads lines into movements ([`path`]), [`program`] a whole file, [`timing`] its time, [`feed`] hands it out, [`track`]
-//! follows the machine along it. [`link`] is the wire, [`session`] moves bytes between wire and protocol, [`job`] knows
-//! the steps of a job, [`journal`] what of it is done.
+//! [`reply`]). [`board`] is what it tells of itself. [`program`] reads a whole file, [`timing`] says how
+//! long it takes, [`feed`] hands it out, [`track`] follows the machine along it. [`link`] is the wire, [`session`] moves
+//! bytes between wire and protocol, [`job`] knows the steps of a job, [`journal`] what of it is done.
 
 mod abort;
 pub mod board;
 pub mod codes;
 pub mod feed;
-pub mod gcode;
 pub mod grbl;
 pub mod job;
 pub mod journal;
 pub mod link;
-pub mod path;
 pub mod program;
 pub mod protocol;
 pub mod reply;

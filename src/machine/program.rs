@@ -1,10 +1,12 @@
 //! A program as the sender needs it before the first byte: contours, time per line, bounds, and what cannot be sent.
-use super::{
-    gcode::{Interpreter, LineError, Sense, Spindle, State, bare, comment},
-    path::{Point, distance},
-    timing::{Clock, Limits},
+use super::timing::{Clock, Limits};
+use crate::{
+    import::gcode::{
+        Interpreter, LineError, Sense, Spindle, State, bare, comment,
+        path::{Point, distance},
+    },
+    profile::Head,
 };
-use crate::profile::Head;
 
 /// The longest line that boards take; from 80 characters on they answer error:11.
 pub const LONGEST_LINE: usize = 79;
@@ -400,7 +402,7 @@ pub fn preamble(state: &State, sense: Sense, decimals: usize) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::machine::gcode::Offsets;
+    use crate::import::gcode::Offsets;
 
     pub(crate) fn setting(sense: Sense) -> Setting {
         Setting {

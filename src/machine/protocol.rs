@@ -1,10 +1,7 @@
 //! What the protocols of all machines have in common: a state machine takes bytes with the time and gives bytes and
 //! events. There is no clock, no thread and no port inside.
-use super::{
-    codes,
-    path::{Move, Point},
-    reply::Mode,
-};
+use super::{codes, reply::Mode};
+use crate::import::gcode::path::{Move, Point};
 
 /// Seconds since the connection was opened.
 pub type Seconds = f64;

@@ -1,5 +1,5 @@
 //! What a GRBL-type board says, line by line. Takes any bytes: what is not understood stays text.
-use super::path::{Point, distance};
+use crate::import::gcode::path::{Point, distance};
 
 /// Longer lines are cut: nothing a board says is longer, but a wrong baud rate can deliver bytes without a line end.
 const LONGEST: usize = 512;

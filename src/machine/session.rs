@@ -6,11 +6,11 @@ use super::{
     feed::{Feed, Next},
     journal::{Journal, JournalError},
     link::Wire,
-    path::Point,
     program::Program,
     protocol::{Aborted, Command, Event, Fault, Line, Protocol, Seconds},
     reply::Mode,
 };
+use crate::import::gcode::{LineError, path::Point};
 
 /// What the operator may want while a job runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -342,7 +342,7 @@ impl<'a, W: Wire, P: Protocol> Session<'a, W, P> {
         feed: &mut Feed<'_>,
         journal: &mut Option<&mut Journal>,
     ) -> Result<(), SendError> {
-        let unreadable = |err: super::gcode::LineError| SendError::Refused(vec![err.to_string()]);
+        let unreadable = |err: LineError| SendError::Refused(vec![err.to_string()]);
         let mut next = feed.take().map_err(unreadable)?;
         let mut told = None;
         let mut previous = None;

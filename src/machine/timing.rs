@@ -1,7 +1,7 @@
 //! How long a program takes: trapezoids of speed with look-ahead, as GRBL's planner runs them.
 use std::collections::VecDeque;
 
-use super::path::{Move, Point};
+use crate::import::gcode::path::{Move, Point};
 
 /// What the drives can do.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,7 +2,7 @@
 //! that the last position report points to. Every answer errs on the side of "not done yet".
 use std::collections::VecDeque;
 
-use super::path::{Move, Point};
+use crate::import::gcode::path::{Move, Point};
 
 /// A report this near a path lies on it, mm: a step or two and the rounding of reports.
 const ON_PATH: f64 = 0.1;

@@ -5,7 +5,10 @@ use std::collections::BTreeMap;
 use crate::{
     emit::{File, Nouns, Subject},
     geom::Vec2,
-    import::{self, Drawing, Move, Spindle},
+    import::{
+        self, Drawing,
+        gcode::{self, Sense, Spindle},
+    },
     model::{Line, Part},
     profile::{Machine, Profiles},
     stage::Check,
@@ -109,18 +112,18 @@ fn drawing(read: &Drawing, subject: Subject, nouns: &Nouns<'_>, machine: &Machin
 }
 
 fn program(text: &str, subject: Subject, nouns: &Nouns<'_>, machine: &Machine) -> Result<f64, String> {
-    let read = import::read_gcode(text).map_err(|it| it.to_string())?;
+    let read = import::read_gcode(text, Sense::of(&machine.head)).map_err(|it| it.to_string())?;
     if read.longest_line > LONGEST_LINE {
         return Err(format!("a line of {} characters; boards take {LONGEST_LINE}", read.longest_line));
     }
     if !read.ended || read.spindle != Spindle::Off {
         return Err("ends without M5 and M2".into());
     }
-    let working = |it: &Move| machine.head.at_work(it.power, it.to.z, it.spindle != Spindle::Off);
-    if let Some(step) = read.moves.iter().find(|it| it.rapid && it.from.xy() != it.to.xy() && working(it)) {
-        return Err(format!("line {}: a rapid with the tool at work", step.line));
+    if let Some(line) = read.rapid_at_work() {
+        return Err(format!("line {line}: a rapid with the tool at work"));
     }
-    paths(&read.strokes(working), subject, nouns, machine, |_| true)
+    let strokes: Vec<Vec<Vec2>> = read.strokes().iter().map(|it| gcode::points(it, LIMIT)).collect();
+    paths(&strokes, subject, nouns, machine, |_| true)
 }
 
 fn plot(text: &str, subject: Subject, nouns: &Nouns<'_>, machine: &Machine) -> Result<f64, String> {

@@ -141,15 +141,6 @@ impl Head {
             Self::Z { .. } => None,
         }
     }
-
-    /// Whether the tool is at work with this S word, at this height, with the spindle on.
-    pub fn at_work(&self, power: f64, z: f64, spindle: bool) -> bool {
-        match *self {
-            Self::Laser { .. } => spindle && power > 0.0,
-            Self::Servo { up, .. } => spindle && power != up,
-            Self::Z { up, .. } => z < up,
-        }
-    }
 }
 
 /// The corner of the sheet where the machine has its work zero.

@@ -7,7 +7,7 @@ mod sheet;
 pub use color::{Rgb, palette};
 pub use mesh::{Edges, MeshStyle, Up, mesh};
 use resvg::tiny_skia::{ColorU8, Pixmap};
-pub use sheet::{SheetStyle, sheet};
+pub use sheet::{SheetStyle, lines, sheet};
 
 /// Why there is no picture.
 #[derive(Debug, thiserror::Error)]

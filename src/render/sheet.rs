@@ -5,7 +5,7 @@ use resvg::tiny_skia::{
 
 use super::{LARGEST, RenderError, Rgb, encode};
 use crate::{
-    geom::Vec2,
+    geom::{Box2, Vec2},
     model::{Operation, Part, Sheet},
 };
 
@@ -31,19 +31,7 @@ const EDGE: Rgb = [0x8a, 0x93, 0x9e];
 
 /// A PNG of a sheet.
 pub fn sheet(sheet: &Sheet, style: &SheetStyle<'_>) -> Result<Vec<u8>, RenderError> {
-    let longer = sheet.size.amax();
-    let scale = f64::from(style.pixels) / longer;
-    let border = BORDER * longer;
-    let pixels = (sheet.size + Vec2::repeat(2.0 * border)) * scale;
-    let (width, height) = (pixels.x.ceil() as u32, pixels.y.ceil() as u32);
-    let refused = || RenderError::Size { width, height };
-    if width > LARGEST || height > LARGEST {
-        return Err(refused());
-    }
-    let mut pixmap = Pixmap::new(width, height).ok_or_else(refused)?;
-    pixmap.fill(color(DESK));
-    // Sheet coordinates have y up, pictures down.
-    let place = |point: Vec2| Vec2::new(point.x + border, sheet.size.y + border - point.y) * scale;
+    let (pixmap, place) = desk(&Box2 { min: Vec2::zeros(), max: sheet.size }, style.pixels)?;
     let mut canvas = Canvas { pixmap, place: &place };
 
     canvas.page(Vec2::zeros(), sheet.size, Some([0xff; 3]), EDGE, false);
@@ -62,6 +50,36 @@ pub fn sheet(sheet: &Sheet, style: &SheetStyle<'_>) -> Result<Vec<u8>, RenderErr
         canvas.stroke(&outline([(line.points, line.closed)], &place), (style.line)(line.operation), width, None);
     }
     encode(&canvas.pixmap)
+}
+
+/// A PNG of lines, in the order in which they are to lie over each other, `pixels` along the longer side.
+pub fn lines(lines: &[(Vec<Vec2>, Rgb)], pixels: u32) -> Result<Vec<u8>, RenderError> {
+    let bounds = Box2::of(lines.iter().flat_map(|it| &it.0));
+    let (pixmap, place) = desk(&bounds, pixels)?;
+    let mut canvas = Canvas { pixmap, place: &place };
+    canvas.page(bounds.min, bounds.max, Some([0xff; 3]), EDGE, false);
+    for (points, rgb) in lines {
+        canvas.stroke(&outline([(points.as_slice(), false)], &place), *rgb, 1.2, None);
+    }
+    encode(&canvas.pixmap)
+}
+
+/// An empty picture of a box with a border, and where a point of the plane lies in it.
+fn desk(bounds: &Box2, pixels: u32) -> Result<(Pixmap, impl Fn(Vec2) -> Vec2 + use<>), RenderError> {
+    let longer = bounds.size().amax();
+    let scale = f64::from(pixels) / longer;
+    let border = BORDER * longer;
+    let size = (bounds.size() + Vec2::repeat(2.0 * border)) * scale;
+    let (width, height) = (size.x.ceil() as u32, size.y.ceil() as u32);
+    let refused = || RenderError::Size { width, height };
+    if width > LARGEST || height > LARGEST {
+        return Err(refused());
+    }
+    let mut pixmap = Pixmap::new(width, height).ok_or_else(refused)?;
+    pixmap.fill(color(DESK));
+    // The plane has y up, pictures down.
+    let (left, top) = (bounds.min.x - border, bounds.max.y + border);
+    Ok((pixmap, move |point: Vec2| Vec2::new(point.x - left, top - point.y) * scale))
 }
 
 fn color([r, g, b]: Rgb) -> Color {

@@ -1,7 +1,7 @@
 //! `report.json`: what was made, how well, and where it lies. Keys are those of CONTRACT.md.
 mod pictures;
 
-pub use pictures::{Drawing, Subjects, pictures};
+pub use pictures::{Drawing, Lines, Subjects, lines, pictures};
 
 use serde_json::{Map, Value, json};
 

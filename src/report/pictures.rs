@@ -1,5 +1,6 @@
 //! Previews: the input, coarse, developed and cut mesh, and every sheet, as PNG.
 use crate::{
+    geom::Vec2,
     mesh::{FaceId, Id, TriMesh},
     model::{CutMesh, DevelopableMesh, Operation, Sheets, SourceMesh},
     render::{self, Edges, MeshStyle, RenderError, Rgb, SheetStyle, Up, palette},
@@ -24,6 +25,14 @@ pub struct Subjects<'a> {
 
 /// A picture still to be drawn.
 pub type Drawing<'a> = (String, Box<dyn Fn() -> Result<Vec<u8>, RenderError> + Sync + Send + 'a>);
+
+/// Lines in the plane, mm, with their colours, in the order in which they lie over each other.
+pub type Lines = Vec<(Vec<Vec2>, Rgb)>;
+
+/// A PNG of lines, or why there is none.
+pub fn lines(lines: &Lines, pixels: u32) -> Result<Vec<u8>, String> {
+    render::lines(lines, pixels).map_err(|it| it.to_string())
+}
 
 /// Longer side of a sheet's picture, pixels.
 const SHEET_PIXELS: u32 = 1600;

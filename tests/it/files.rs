@@ -6,7 +6,10 @@ use std::path::Path;
 use fabricate::{
     emit::{self, FORMATS, File, Nouns, Subject},
     geom::{Vec2, polyline_length, signed_area},
-    import::{Spindle, read_dxf, read_gcode, read_svg},
+    import::{
+        gcode::{Sense, Spindle},
+        read_dxf, read_gcode, read_svg,
+    },
     model::{Mark, Operation, Part, Parts, Placement, Sheet, SheetPaths, Sheets, Toolpath, Toolpaths},
     pipeline::verify,
     profile::{Head, MACHINES, Profiles},
@@ -246,7 +249,7 @@ fn programs_keep_the_rules_of_boards() {
             assert!(program.is_ascii() && !program.contains('\r') && program.ends_with("\nM2\n"), "{name}");
             assert!(program.lines().all(|it| (1..=79).contains(&it.len())), "{name}");
             assert_eq!(program.lines().find(|it| !it.starts_with('(')), Some("G21 G90 G94 G17 G54"), "{name}");
-            let read = read_gcode(program).unwrap();
+            let read = read_gcode(program, Sense::of(&profiles.machine.head)).unwrap();
             let laser = matches!(profiles.machine.head, Head::Laser { .. });
             assert_eq!(read.spindle, Spindle::Off);
             assert_eq!(program.contains("M4 S0"), laser);
@@ -258,10 +261,7 @@ fn programs_keep_the_rules_of_boards() {
                 tools
             };
             assert_eq!(read.pauses, tools.len() - 1, "{name} {}: one pause per change of tool", file.path);
-            for step in &read.moves {
-                let working = profiles.machine.head.at_work(step.power, step.to.z, step.spindle != Spindle::Off);
-                assert!(!working || !step.rapid || step.from == step.to, "{name}: line {}", step.line);
-            }
+            assert_eq!(read.rapid_at_work(), None, "{name}");
             let extents = read.extents();
             for axis in 0..2 {
                 assert!(extents.min[axis] >= 0.0 && extents.max[axis] <= profiles.machine.bed[axis].mm, "{name}");
@@ -281,7 +281,7 @@ fn programs_are_right_from_every_corner_and_with_a_z_axis() {
             assert!(checks.iter().all(|it| it.ok), "{corner} {invert}: {checks:?}");
             let files = job.files(&profiles);
             let program = files.iter().find(|it| it.path == "sheets/sheet-02.nc").unwrap();
-            let extents = read_gcode(text(program)).unwrap().extents();
+            let extents = read_gcode(text(program), Sense::Beam).unwrap().extents();
             assert_eq!(extents.min.x < 0.0, corner.ends_with("right"));
             assert_eq!(extents.min.y < 0.0, corner.starts_with("upper") != invert);
         }

@@ -3,6 +3,7 @@
 use std::{cell::RefCell, collections::VecDeque, path::Path, rc::Rc};
 
 use fabricate::{
+    import::gcode::{Sense, points},
     machine::{
         grbl::Grbl,
         job::{self, Wishes},
@@ -90,13 +91,8 @@ pub(crate) fn polygons(count: usize, corners: usize, radius: f64) -> String {
 
 /// What the program says should be touched: strokes in work coordinates.
 pub(crate) fn expected(program: &str, machine: &Machine) -> Vec<Vec<[f64; 2]>> {
-    // The other reader of the house, so that this is no copy of the sender's own understanding.
-    let read = fabricate::import::read_gcode(program).unwrap();
-    let servo = |power: f64| power > 50.0;
-    let laser = matches!(machine.head, fabricate::profile::Head::Laser { .. });
-    let strokes = read
-        .strokes(|it| if laser { !it.rapid && it.power > 0.0 } else { servo(it.power) && it.from.xy() != it.to.xy() });
-    strokes.into_iter().map(|it| it.iter().map(|p| [p.x, p.y]).collect()).collect()
+    let read = fabricate::import::read_gcode(program, Sense::of(&machine.head)).unwrap();
+    read.strokes().iter().map(|it| points(it, 1e-3).iter().map(|p| [p.x, p.y]).collect()).collect()
 }
 
 /// What the board really did with the tool on, as strokes in work coordinates.

@@ -2,96 +2,17 @@
 //! files and the common subset of foreign ones; what it cannot follow it says.
 use std::f64::consts::TAU;
 
-use super::path::{Arc, Move, Point};
+pub mod path;
+mod program;
+mod words;
+
+use path::{Arc, Move, Point};
+pub use program::{Program, Stroke, points, read_gcode};
+pub use words::{LineError, bare, comment};
+use words::{Word, code, known, words};
 
 /// Millimetres per inch.
 const INCH: f64 = 25.4;
-
-/// Why a line cannot be read.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum LineError {
-    /// Not letter and number.
-    #[error("`{0}` is not a word of G-code (a letter and a number)")]
-    Word(String),
-    /// Variables, expressions, subprograms.
-    #[error("variables, expressions and subprograms (`{0}`) are not understood; write the program without them")]
-    Macro(char),
-    /// An arc without a centre, or whose radius does not reach.
-    #[error("this arc cannot be drawn: {0}")]
-    Arc(String),
-    /// A number that is not finite or a negative feed.
-    #[error("`{0}` is out of range")]
-    Range(String),
-}
-
-/// Letter (upper case) and number.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Word {
-    /// Upper-case letter.
-    pub letter: u8,
-    /// Its number.
-    pub value: f64,
-}
-
-/// A line without its comments and blanks, in upper case; the form that is sent.
-pub fn bare(line: &str) -> String {
-    let mut out = String::with_capacity(line.len());
-    let mut depth = 0_u32;
-    for c in line.chars() {
-        match c {
-            ';' if depth == 0 => break,
-            '(' => depth += 1,
-            ')' => depth = depth.saturating_sub(1),
-            _ if depth > 0 || c.is_whitespace() || c.is_control() || c == '\u{feff}' => {}
-            _ => out.push(c.to_ascii_uppercase()),
-        }
-    }
-    // A lone % marks the ends of a tape; boards answer it with an error.
-    if out.bytes().all(|it| it == b'%') {
-        out.clear();
-    }
-    out
-}
-
-/// The text of a line's first comment.
-pub fn comment(line: &str) -> Option<&str> {
-    let at = line.find(['(', ';'])?;
-    let text = &line[at + 1..];
-    let text = if line.as_bytes()[at] == b'(' { text.split(')').next().unwrap_or(text) } else { text };
-    Some(text.trim()).filter(|it| !it.is_empty())
-}
-
-/// Splits a bare line into words. A leading `/` (block delete), line number and checksum are dropped.
-fn words(bare: &str) -> Result<Vec<Word>, LineError> {
-    let text = bare.trim_start_matches('/');
-    let text = text.split('*').next().unwrap_or(text);
-    let mut out = Vec::new();
-    let bytes = text.as_bytes();
-    let mut at = 0;
-    while at < bytes.len() {
-        let letter = bytes[at];
-        if matches!(letter, b'#' | b'[' | b'=' | b'O') {
-            return Err(LineError::Macro(letter as char));
-        }
-        let end = bytes[at + 1..].iter().position(|it| !matches!(it, b'0'..=b'9' | b'.' | b'-' | b'+'));
-        let end = end.map_or(bytes.len(), |it| at + 1 + it);
-        let number = text.get(at + 1..end).and_then(|it| it.parse::<f64>().ok());
-        match number {
-            Some(value) if letter.is_ascii_uppercase() => {
-                if letter != b'N' {
-                    out.push(Word { letter, value });
-                }
-            }
-            _ => {
-                let end = (end..=text.len()).find(|&it| text.is_char_boundary(it)).unwrap_or(text.len());
-                let start = (0..=at).rev().find(|&it| text.is_char_boundary(it)).unwrap_or(0);
-                return Err(LineError::Word(text[start..end].to_owned()));
-            }
-        }
-        at = end;
-    }
-    Ok(out)
-}
 
 /// What the spindle output does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -226,6 +147,8 @@ pub struct Step {
     pub alone: bool,
     /// Something whose effect is not followed (probing, canned cycles): positions are unsure from here on.
     pub opaque: bool,
+    /// A G or M word, or a letter, that is not known here, as it was written.
+    pub unknown: Option<String>,
     /// Whether the tool rests at work after the line.
     pub working: bool,
 }
@@ -255,6 +178,11 @@ impl Interpreter {
     /// Starts in a state.
     pub fn new(state: State, sense: Sense) -> Self {
         Self { state, sense, laser_mode: sense == Sense::Beam }
+    }
+
+    /// Whether the tool would be at work if the head moved now.
+    pub fn at_work(&self) -> bool {
+        self.state.working(self.sense, false, self.state.work_position()[2])
     }
 
     /// Takes a bare line (see [`bare`]).
@@ -301,6 +229,12 @@ impl Interpreter {
                 return Err(LineError::Range(format!("F{f}")));
             }
             self.state.feed = if self.state.inverse_time { f } else { f * unit };
+        }
+        if let Some(word) = words.iter().find(|it| !known(it)) {
+            // A G word that is not known may scale, turn or shift everything after it.
+            step.opaque |= word.letter == b'G';
+            self.state.certain &= !step.opaque;
+            step.unknown = Some(format!("{}{}", word.letter as char, word.value));
         }
         self.modal(&words, &values, &mut step);
         self.motion(&words, &values, &mut step)?;
@@ -517,16 +451,10 @@ impl Interpreter {
     }
 }
 
-/// Number of a G or M word in tenths: G91.1 is 911. 9999 where it is no such number.
-fn code(word: &Word) -> u32 {
-    let tenths = (word.value * 10.0).round();
-    if (0.0..9999.0).contains(&tenths) { tenths as u32 } else { 9999 }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::path::distance;
     use super::*;
-    use crate::machine::path::distance;
 
     fn run(program: &str) -> (Interpreter, Vec<Step>) {
         let mut it = Interpreter::new(State::new([0.0; 3], Offsets::default()), Sense::Beam);

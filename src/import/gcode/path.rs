@@ -115,6 +115,6 @@ impl Move {
 }
 
 /// Distance of two points, mm.
-pub(super) fn distance(a: Point, b: Point) -> f64 {
+pub fn distance(a: Point, b: Point) -> f64 {
     (0..3).map(|i| (a[i] - b[i]) * (a[i] - b[i])).sum::<f64>().sqrt()
 }
