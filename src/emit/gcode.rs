@@ -7,13 +7,20 @@ use std::io;
 
 use super::drawing::decimal;
 use crate::{
-    geom::Vec2,
+    geom::{
+        Vec2,
+        arcs::{self, ArcPath},
+    },
     model::{Operation, SheetPaths},
     profile::{Head, Machine, Profiles, Tool},
 };
 
 /// GRBL refuses lines of 80 characters and more.
 const LINE: usize = 79;
+
+/// Arcs with a chord or radius of fewer steps of the last decimal are written as their chord: rounding could turn their
+/// ends so far that a board runs round the rest of the circle instead.
+const LEAST_STEPS: f64 = 5.0;
 
 /// Which sheet of how many.
 #[derive(Debug, Clone, Copy)]
@@ -45,14 +52,21 @@ pub(super) fn write(
     program.start();
     for path in &sheet.paths {
         // What the machine has no tool for is not done; `route` leaves such paths out.
-        let (Some(tool), [first, rest @ ..]) = (machine.tools.get(path.operation), path.points.as_slice()) else {
+        let (Some(tool), Some(&first)) = (machine.tools.get(path.operation), path.path.points.first()) else {
             continue;
         };
         program.change(path.operation, tool);
-        program.rapid(*first);
-        program.lower(tool);
-        for point in rest {
-            program.feed(*point, tool);
+        program.rapid(first);
+        program.lower(tool, path.depth);
+        let straight;
+        let way = if machine.arcs {
+            &path.path
+        } else {
+            straight = ArcPath::straight(path.path.chords(super::CHORD));
+            &straight
+        };
+        for (from, to, bulge) in way.stretches() {
+            program.feed(from, to, bulge, tool);
         }
         program.lift();
     }
@@ -136,7 +150,7 @@ impl Program<'_> {
         self.state.tool = Some(tool.number);
     }
 
-    fn lower(&mut self, tool: &Tool) {
+    fn lower(&mut self, tool: &Tool, depth: f64) {
         match self.machine.head {
             Head::Laser { .. } => {}
             Head::Servo { down, dwell_down, .. } => {
@@ -144,7 +158,7 @@ impl Program<'_> {
                 self.dwell(dwell_down);
             }
             Head::Z { down, plunge, dwell, .. } => {
-                let (height, feed) = (self.number(tool.down.unwrap_or(down)), Self::word(plunge));
+                let (height, feed) = (self.number(depth * tool.down.unwrap_or(down)), Self::word(plunge));
                 self.line(&format!("G1 Z{height} F{feed}"));
                 self.state.motion = "G1";
                 self.state.feed = feed;
@@ -170,19 +184,40 @@ impl Program<'_> {
 
     fn rapid(&mut self, point: Vec2) {
         let power = matches!(self.machine.head, Head::Laser { .. }).then(|| "0".to_string());
-        self.motion("G0", point, None, power);
+        self.motion("G0", point, None, None, power);
     }
 
-    fn feed(&mut self, point: Vec2, tool: &Tool) {
+    /// A straight line, or an arc whose centre is given from its start as it was written.
+    fn feed(&mut self, from: Vec2, to: Vec2, bulge: f64, tool: &Tool) {
         let power = match self.machine.head {
             Head::Laser { power_max, .. } => Some(Self::word((tool.power * power_max).round())),
             _ => None,
         };
-        self.motion("G1", point, Some(Self::word(tool.feed)), power);
+        let feed = Some(Self::word(tool.feed));
+        let [start, end] = [from, to].map(|it| self.machine.to_work(it, self.sheet));
+        // Rounding may leave nothing of a short arc, or move its ends so far that its radius is another one.
+        // A mirrored plane turns the other way.
+        let bulge = if self.machine.invert_y { -bulge } else { bulge };
+        let least = LEAST_STEPS * 0.1_f64.powi(self.machine.decimals as i32);
+        let long = |it: &arcs::Circle| (end - start).norm() > least && it.radius > least;
+        let Some(circle) = arcs::circle(start, end, bulge).filter(long) else {
+            self.motion("G1", to, None, feed, power);
+            return;
+        };
+        let center = circle.center - start;
+        let center = [self.number(center.x), self.number(center.y)];
+        self.motion(if bulge > 0.0 { "G3" } else { "G2" }, to, Some(center), feed, power);
     }
 
     /// One move, with only the words that change. A move to where the tool is already is left out.
-    fn motion(&mut self, motion: &'static str, point: Vec2, feed: Option<String>, power: Option<String>) {
+    fn motion(
+        &mut self,
+        motion: &'static str,
+        point: Vec2,
+        center: Option<[String; 2]>,
+        feed: Option<String>,
+        power: Option<String>,
+    ) {
         let point = self.machine.to_work(point, self.sheet);
         let target = [self.number(point.x), self.number(point.y)];
         let mut words = Vec::with_capacity(5);
@@ -192,6 +227,9 @@ impl Program<'_> {
             }
         }
         let still = words.is_empty();
+        if let Some([i, j]) = center.filter(|_| !still) {
+            words.extend([format!("I{i}"), format!("J{j}")]);
+        }
         if let Some(power) = power.filter(|it| *it != self.state.power && (!still || it == "0")) {
             words.push(format!("S{power}"));
             self.state.power = power;

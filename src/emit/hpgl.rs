@@ -17,7 +17,8 @@ pub(super) fn write(sheet: &SheetPaths, machine: &Machine, out: &mut dyn io::Wri
     let mut text = String::from("IN;\nPA;\n");
     let mut selected = None;
     for path in &sheet.paths {
-        let (Some(tool), [first, rest @ ..]) = (machine.tools.get(path.operation), path.points.as_slice()) else {
+        let points = path.path.chords(super::CHORD);
+        let (Some(tool), [first, rest @ ..]) = (machine.tools.get(path.operation), points.as_slice()) else {
             continue;
         };
         if selected != Some(tool.number) {

@@ -38,6 +38,9 @@ pub struct Format {
     pub writer: Writer,
 }
 
+/// Chords of arcs stay this near to them where a format or a machine has no arcs, mm: half a plotter unit.
+pub const CHORD: f64 = 0.0125;
+
 /// All output formats for sheets and parts.
 pub const FORMATS: &[Format] = &[
     Format { name: "svg", extension: "svg", writer: Writer::Drawing(svg::write) },

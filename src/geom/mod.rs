@@ -1,5 +1,6 @@
 //! 2-D and 3-D primitives, polygons, predicates. Imports nothing of ours.
 
+pub mod arcs;
 pub mod boolean;
 pub mod outline;
 pub mod polygon;

@@ -1,5 +1,5 @@
 //! Nouns in the plane: parts, sheets, toolpaths.
-use crate::geom::Vec2;
+use crate::geom::{Vec2, arcs::ArcPath};
 
 /// What a line is for. Machines map operations to layers, colours and tools by their profile.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -174,8 +174,10 @@ pub struct Sheets {
 pub struct Toolpath {
     /// What it does.
     pub operation: Operation,
-    /// Points in sheet coordinates, mm; a closed path repeats its first point at the end.
-    pub points: Vec<Vec2>,
+    /// Lines and arcs in sheet coordinates, mm; a closed path repeats its first point at the end.
+    pub path: ArcPath,
+    /// Share of the tool's full depth, in (0, 1]; heads without a Z axis know only 1.
+    pub depth: f64,
     /// Name of the part.
     pub part: String,
 }
@@ -204,4 +206,6 @@ pub struct Toolpaths {
     pub seconds: f64,
     /// Operations that the machine does not do, with the number of paths that were therefore left out.
     pub left_out: Vec<(Operation, usize)>,
+    /// Holes narrower than the cut, which is therefore made along their edge, a line each.
+    pub uncompensated: Vec<String>,
 }

@@ -2,7 +2,7 @@
 //!
 //! Own and not serde's, because nouns stay free of serialisation (HOUSE.md) and f64 must come back bit for bit.
 use crate::{
-    geom::{Vec2, Vec3},
+    geom::{Vec2, Vec3, arcs::ArcPath},
     mesh::{EdgeId, FaceId, Field, HalfedgeId, Id, TriMesh, VertexId},
     model::{
         Artifact, CutMesh, DevelopableMesh, Flattening, Kind, Mark, Noun, Opening, Operation, Overlap, Part, Parts,
@@ -210,9 +210,10 @@ records! {
     Placement { part, angle, offset }
     Sheet { size, parts, placements }
     Sheets { sheets, margin, gap, unplaced }
-    Toolpath { operation, points, part }
+    ArcPath { points, bulges }
+    Toolpath { operation, path, depth, part }
     SheetPaths { size, paths }
-    Toolpaths { sheets, cut_length, travel_length, lifts, seconds, left_out }
+    Toolpaths { sheets, cut_length, travel_length, lifts, seconds, left_out, uncompensated }
 }
 
 macro_rules! artifacts {

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use crate::{
-    emit::{File, Nouns, Subject},
-    geom::Vec2,
+    emit::{CHORD, File, Nouns, Subject},
+    geom::{Vec2, arcs::ArcPath},
     import::{
         self, Drawing,
         gcode::{self, Sense, Spindle},
@@ -122,8 +122,9 @@ fn program(text: &str, subject: Subject, nouns: &Nouns<'_>, machine: &Machine) -
     if let Some(line) = read.rapid_at_work() {
         return Err(format!("line {line}: a rapid with the tool at work"));
     }
-    let strokes: Vec<Vec<Vec2>> = read.strokes().iter().map(|it| gcode::points(it, LIMIT)).collect();
-    paths(&strokes, subject, nouns, machine, |_| true)
+    let strokes: Vec<Vec<Vec2>> = read.strokes().iter().map(|it| gcode::marks(it)).collect();
+    let marks = |path: &ArcPath| if machine.arcs { path.marks() } else { path.chords(CHORD) };
+    paths(&strokes, subject, nouns, machine, marks, |_| true)
 }
 
 fn plot(text: &str, subject: Subject, nouns: &Nouns<'_>, machine: &Machine) -> Result<f64, String> {
@@ -137,7 +138,8 @@ fn plot(text: &str, subject: Subject, nouns: &Nouns<'_>, machine: &Machine) -> R
         })
         .collect();
     // What is shorter than a plotter unit is a dot.
-    paths(&strokes, subject, nouns, machine, |points| points.iter().any(|it| (it - points[0]).amax() > 0.025))
+    let marks = |path: &ArcPath| path.chords(CHORD);
+    paths(&strokes, subject, nouns, machine, marks, |points| points.iter().any(|it| (it - points[0]).amax() > 0.025))
 }
 
 /// Strokes in the machine's frame against the toolpaths that `kept` selects.
@@ -146,19 +148,20 @@ fn paths(
     subject: Subject,
     nouns: &Nouns<'_>,
     machine: &Machine,
+    marks: impl Fn(&ArcPath) -> Vec<Vec2>,
     kept: impl Fn(&[Vec2]) -> bool,
 ) -> Result<f64, String> {
     let Subject::Program(i) = subject else { return Err(NO_NOUN.into()) };
     let sheet = nouns.toolpaths.and_then(|it| it.sheets.get(i)).ok_or(NO_NOUN)?;
-    let expected: Vec<_> =
-        sheet.paths.iter().filter(|it| machine.tools.get(it.operation).is_some() && kept(&it.points)).collect();
+    let done = sheet.paths.iter().filter(|it| machine.tools.get(it.operation).is_some());
+    let expected: Vec<Vec<Vec2>> = done.map(|it| marks(&it.path)).filter(|it| kept(it)).collect();
     if expected.len() != strokes.len() {
         return Err(format!("{} strokes, expected {}", strokes.len(), expected.len()));
     }
     let mut worst = 0.0_f64;
-    for (i, (path, stroke)) in expected.iter().zip(strokes).enumerate() {
+    for (i, (points, stroke)) in expected.iter().zip(strokes).enumerate() {
         let stroke: Vec<Vec2> = stroke.iter().map(|it| machine.from_work(*it, sheet.size)).collect();
-        worst = worst.max(deviation(&path.points, &stroke, false).ok_or_else(|| foreign(i))?);
+        worst = worst.max(deviation(points, &stroke, false).ok_or_else(|| foreign(i))?);
     }
     Ok(worst)
 }

@@ -77,6 +77,12 @@ pub struct Tool {
     /// Width of material that the tool takes away.
     #[serde(default = "no_kerf")]
     pub kerf: Length,
+    /// Radius of the arcs that lead a closed cut in from the waste and out again; 0 for none. Blades have none.
+    #[serde(default = "no_kerf")]
+    pub lead: Length,
+    /// Webs that hold the part in a through cut.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bridges: Option<Bridges>,
     /// Where the head goes to work, in the unit of [`Head`]'s `down`; the head's own value when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub down: Option<f64>,
@@ -85,8 +91,25 @@ pub struct Tool {
     pub number: u32,
 }
 
+/// Webs left standing in every closed cut.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bridges {
+    /// How many in each contour; short ones have fewer.
+    pub count: u32,
+    /// Width of a web.
+    pub width: Length,
+    /// Height of a web above the deepest cut, where the head has a Z axis; as high as the cut is deep when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub height: Option<Length>,
+}
+
 fn full() -> f64 {
     1.0
+}
+
+fn yes() -> bool {
+    true
 }
 
 fn once() -> u32 {
@@ -194,6 +217,9 @@ pub struct Machine {
     pub acceleration: f64,
     /// Decimals of a millimetre in G-code.
     pub decimals: usize,
+    /// Whether programs may hold arcs (G2, G3).
+    #[serde(default = "yes")]
+    pub arcs: bool,
     /// Formats written when the config names none.
     pub formats: Vec<String>,
     /// Line width in drawings.
@@ -235,6 +261,12 @@ impl Rule for Machine {
             within(&key("power"), tool.power, 0.0, 1.0)?;
             within(&key("passes"), tool.passes.into(), 1.0, 100.0)?;
             at_least_zero(&key("kerf"), tool.kerf.mm)?;
+            within(&key("lead"), tool.lead.mm, 0.0, 50.0)?;
+            if let Some(bridges) = tool.bridges {
+                within(&key("bridges.count"), bridges.count.into(), 1.0, 1000.0)?;
+                positive(&key("bridges.width"), bridges.width.mm)?;
+                bridges.height.map_or(Ok(()), |it| positive(&key("bridges.height"), it.mm))?;
+            }
             within(&key("number"), tool.number.into(), 1.0, 99.0)?;
             if let Some(down) = tool.down.filter(|it| !it.is_finite()) {
                 return Err(Fault::new(&key("down"), format!("must be a finite number, not {down}")));

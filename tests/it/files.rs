@@ -5,7 +5,7 @@ use std::path::Path;
 
 use fabricate::{
     emit::{self, FORMATS, File, Nouns, Subject},
-    geom::{Vec2, polyline_length, signed_area},
+    geom::{Vec2, arcs::ArcPath, polyline_length, signed_area},
     import::{
         gcode::{Sense, Spindle},
         read_dxf, read_gcode, read_svg,
@@ -76,7 +76,8 @@ impl Job {
             let paths = lines.into_iter().map(|(line, part)| {
                 let close = line.closed.then_some(line.points[0]);
                 let points = line.points.iter().copied().chain(close).collect();
-                Toolpath { operation: line.operation, points, part }
+                let path = ArcPath::straight(points);
+                Toolpath { operation: line.operation, path, depth: 1.0, part }
             });
             SheetPaths { size: sheet.size, paths: paths.collect() }
         };
@@ -87,6 +88,7 @@ impl Job {
             lifts: 0,
             seconds: 0.0,
             left_out: vec![],
+            uncompensated: vec![],
         };
         let (margin, gap) = (profiles.material.margin.mm, profiles.material.gap.mm);
         Self {

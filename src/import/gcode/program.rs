@@ -132,6 +132,16 @@ impl Program {
     }
 }
 
+/// The ends of all movements of a stroke with the middles of its arcs.
+pub fn marks(stroke: &[Move]) -> Vec<Vec2> {
+    let mut out: Vec<Vec2> = stroke.first().map(|it| xy(it.from)).into_iter().collect();
+    for it in stroke {
+        out.extend(it.arc.map(|_| xy(it.point(0.5))));
+        out.push(xy(it.to));
+    }
+    out
+}
+
 /// Points along a stroke, arcs in chords no farther than `tolerance` from them, mm.
 pub fn points(stroke: &[Move], tolerance: f64) -> Vec<Vec2> {
     let mut out: Vec<Vec2> = stroke.first().map(|it| xy(it.from)).into_iter().collect();

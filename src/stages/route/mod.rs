@@ -2,20 +2,28 @@
 //!
 //! Marks come first, each operation in the machine's order; then the cuts, every contour before the one that encloses it
 //! (holes before outlines, and parts that lie in a hole before that hole), because a part that has come free may move.
-//! Within that freedom travel is made short (`order`).
+//! Within that freedom travel is made short (`order`). Lines become as few straight stretches and arcs as a tolerance
+//! allows (`geom::arcs`); cuts lie beside their outline, are entered from the waste and may leave webs (`shape`); a
+//! trailing blade is led by its axis (`knife`).
 
 mod knife;
 mod order;
+mod shape;
 pub mod stage;
 #[cfg(test)]
 mod tests;
 mod time;
 
 pub use knife::Knife;
+pub use shape::Bridges;
 pub use time::Dynamics;
 
 use crate::{
-    geom::{Vec2, polyline::simplify, polyline_length},
+    geom::{
+        Vec2,
+        arcs::{ArcPath, fit},
+        segment_tree::SegmentTree,
+    },
     model::{Operation, Part, SheetPaths, Sheets, Toolpath, Toolpaths},
     numeric::{Cancelled, Monitor},
 };
@@ -25,6 +33,10 @@ use order::{Item, Visit};
 const JOIN: f64 = 1e-3;
 /// A path may leave the bed by this much of rounding, mm.
 const ROUNDING: f64 = 1e-9;
+/// Chords of arcs where a polygon is enough: for what encloses what, and whether the bed is left, mm.
+const CHORD: f64 = 0.01;
+/// Chords of arcs for the estimate of time, mm: GRBL's default (`$12`).
+const TIMED: f64 = 0.002;
 
 /// How the machine does an operation.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,10 +45,16 @@ pub struct Tool {
     pub operation: Operation,
     /// Speed at work, mm/s.
     pub feed: f64,
-    /// How often a path is run.
-    pub passes: u32,
+    /// The passes in turn, each with its share of the full depth, in (0, 1].
+    pub passes: Vec<f64>,
     /// Whether a trailing blade does it.
     pub blade: bool,
+    /// Width of the cut, mm; half of it lies on either side of the path.
+    pub kerf: f64,
+    /// Radius of the arcs that lead into and out of a closed cut, mm; 0 for none.
+    pub lead: f64,
+    /// Webs to leave.
+    pub bridges: Option<Bridges>,
 }
 
 /// Plain options of the kernel.
@@ -48,8 +66,10 @@ pub struct Options {
     pub bed: Vec2,
     /// Where the tool starts and ends, as a share of the sheet's width and height.
     pub home: Vec2,
-    /// Points within this of the line between their neighbours are dropped, mm.
+    /// Points within this of a straight line are dropped, mm.
     pub tolerance: f64,
+    /// Largest distance between a line and the arc that replaces it, mm; 0 for no arcs.
+    pub arcs: f64,
     /// The trailing blade, if there is one.
     pub knife: Option<Knife>,
     /// Speeds, for the estimate of time.
@@ -89,35 +109,36 @@ pub fn route(sheets: &Sheets, options: &Options, monitor: &Monitor) -> Result<To
         lifts: 0,
         seconds: 0.0,
         left_out: left_out(sheets, options),
+        uncompensated: Vec::new(),
     };
     for (number, sheet) in sheets.sheets.iter().enumerate() {
         monitor.progress(number as f64 / sheets.sheets.len() as f64, &format!("sheet {}", number + 1));
-        let lines = lines(&sheet.parts, options);
+        let lines = lines(&sheet.parts, options, &mut job.uncompensated);
+        let waste =
+            SegmentTree::of_contours(&sheet.parts.iter().flat_map(|it| it.contours.clone()).collect::<Vec<_>>());
         let home = sheet.size.component_mul(&options.home);
         let mut paths: Vec<Toolpath> = Vec::new();
         let mut at = home;
         for phase in phases(options) {
             let chosen: Vec<&Line> = lines.iter().filter(|it| phase.contains(&it.operation)).collect();
             let items: Vec<Item> = chosen.iter().map(|it| it.item.clone()).collect();
-            let items = if phase[0].is_cut() { order::enclosed(items) } else { items };
+            let shapes: Vec<Vec<Vec2>> = chosen.iter().map(|it| it.path.chords(CHORD)).collect();
+            let items = if phase[0].is_cut() { order::enclosed(items, &shapes) } else { items };
             let tour = order::tour(&items, at, monitor)?;
             let walked = tour.iter().map(|visit| walk(chosen[visit.item], visit)).collect();
             for path in join(walked) {
                 let tool = options.tools.iter().find(|it| it.operation == path.operation);
-                paths.extend(run(
-                    path,
-                    tool.expect("phases hold only operations of the tools"),
-                    options.knife.as_ref(),
-                ));
+                let tool = tool.expect("phases hold only operations of the tools");
+                paths.extend(run(&path, tool, options.knife.as_ref(), &waste));
             }
-            at = paths.last().and_then(|it| it.points.last()).copied().unwrap_or(at);
+            at = paths.last().and_then(|it| it.path.points.last()).copied().unwrap_or(at);
         }
         let outside = |p: &Vec2| {
             let low = p.min() < -ROUNDING;
             low || p.x > options.bed.x + ROUNDING || p.y > options.bed.y + ROUNDING
         };
         for path in &paths {
-            if let Some(&place) = path.points.iter().find(|p| outside(p)) {
+            if let Some(place) = path.path.chords(CHORD).into_iter().find(|p| outside(p)) {
                 return Err(RouteError::OutsideBed {
                     sheet: number + 1,
                     part: path.part.clone(),
@@ -136,25 +157,39 @@ pub fn route(sheets: &Sheets, options: &Options, monitor: &Monitor) -> Result<To
 struct Line {
     operation: Operation,
     part: String,
+    path: ArcPath,
     item: Item,
 }
 
-/// All lines of a sheet, without points that carry no shape.
-fn lines(parts: &[Part], options: &Options) -> Vec<Line> {
+/// All lines of a sheet as the tool is to follow them.
+fn lines(parts: &[Part], options: &Options, uncompensated: &mut Vec<String>) -> Vec<Line> {
     let mut lines = Vec::new();
     for part in parts {
         let mut add = |operation, points: &[Vec2], closed| {
-            let kept = simplify(points, closed, options.tolerance, &|_| false);
+            let path = fit(points, closed, options.tolerance, options.arcs);
             // A contour must stay one, however small it is.
-            let points =
-                if closed && kept.len() < 3 { points.to_vec() } else { kept.iter().map(|&i| points[i]).collect() };
-            lines.push(Line { operation, part: part.name.clone(), item: Item { points, closed, inside: None } });
+            let path =
+                if closed && path.chords(options.tolerance).len() < 4 { fit(points, closed, 0.0, 0.0) } else { path };
+            let mut corners = path.points.clone();
+            if closed {
+                corners.pop();
+            }
+            let item = Item { points: corners, closed, inside: None };
+            lines.push(Line { operation, part: part.name.clone(), path, item });
         };
         for mark in &part.marks {
             add(mark.operation, &mark.points, mark.closed);
         }
         for (k, contour) in part.contours.iter().enumerate() {
-            add(if k == 0 { Operation::CutOutside } else { Operation::CutInside }, contour, true);
+            let operation = if k == 0 { Operation::CutOutside } else { Operation::CutInside };
+            let kerf = options.tools.iter().find(|it| it.operation == operation).map_or(0.0, |it| it.kerf);
+            let ways = shape::beside(contour, kerf);
+            if ways.is_empty() {
+                let at = contour[0];
+                uncompensated.push(format!("hole {k} of part {} near ({:.1}, {:.1})", part.name, at.x, at.y));
+                add(operation, contour, true);
+            }
+            ways.iter().for_each(|it| add(operation, it, true));
         }
     }
     lines
@@ -182,64 +217,97 @@ fn left_out(sheets: &Sheets, options: &Options) -> Vec<(Operation, usize)> {
     missing.map(|it| (it, count(it))).filter(|it| it.1 > 0).collect()
 }
 
+/// A way of the tool before passes, leads and blade are thought of.
+struct Way {
+    operation: Operation,
+    part: String,
+    path: ArcPath,
+    closed: bool,
+}
+
 /// The line as it is run: closed ones from their entry round to it again, open ones perhaps backwards.
-fn walk(line: &Line, visit: &Visit) -> (Toolpath, bool) {
-    let mut points = line.item.points.clone();
-    if line.item.closed {
-        points.rotate_left(visit.entry);
-        points.push(points[0]);
-    } else if visit.entry > 0 {
-        points.reverse();
-    }
-    (Toolpath { operation: line.operation, points, part: line.part.clone() }, line.item.closed)
+fn walk(line: &Line, visit: &Visit) -> Way {
+    let path = line.path.clone();
+    let path = match (line.item.closed, visit.entry) {
+        (true, entry) => path.begun_at(entry),
+        (false, 0) => path,
+        (false, _) => path.reversed(),
+    };
+    Way { operation: line.operation, part: line.part.clone(), path, closed: line.item.closed }
 }
 
 /// Open lines of one part that follow each other without a gap become one.
-fn join(walked: Vec<(Toolpath, bool)>) -> Vec<Toolpath> {
-    let mut joined: Vec<(Toolpath, bool)> = Vec::new();
-    for (path, closed) in walked {
+fn join(walked: Vec<Way>) -> Vec<Way> {
+    let mut joined: Vec<Way> = Vec::new();
+    for way in walked {
         match joined.last_mut() {
-            Some((last, false))
-                if !closed
-                    && (last.operation, &last.part) == (path.operation, &path.part)
-                    && (last.points[last.points.len() - 1] - path.points[0]).norm() < JOIN =>
+            Some(last)
+                if !last.closed
+                    && !way.closed
+                    && (last.operation, &last.part) == (way.operation, &way.part)
+                    && (last.path.points[last.path.points.len() - 1] - way.path.points[0]).norm() < JOIN =>
             {
-                last.points.extend_from_slice(&path.points[1..]);
+                last.path.append(&way.path);
             }
-            _ => joined.push((path, closed)),
+            _ => joined.push(way),
         }
     }
-    joined.into_iter().map(|it| it.0).collect()
+    joined
 }
 
-/// A path in all its passes, led by the blade's axis where a blade does it.
-fn run(path: Toolpath, tool: &Tool, knife: Option<&Knife>) -> Vec<Toolpath> {
-    let closed = path.points.first() == path.points.last();
-    let mut points = path.points.clone();
-    let mut repeats = tool.passes.max(1);
-    if closed {
-        for _ in 1..repeats {
-            points.extend_from_slice(&path.points[1..]);
+/// A way in all its passes, with leads and webs, led by the blade's axis where a blade does it. Passes of one depth
+/// follow each other without a lift where the way is closed; open ways are run to and fro, except by a blade.
+fn run(way: &Way, tool: &Tool, knife: Option<&Knife>, waste: &SegmentTree) -> Vec<Toolpath> {
+    let knife = knife.filter(|_| tool.blade);
+    let led = |path: &ArcPath, closed: bool| knife.map_or_else(|| path.clone(), |it| it.lead(path, closed));
+    let leads = (way.closed && tool.lead > 0.0 && knife.is_none())
+        .then(|| shape::leads(&way.path, tool.lead, tool.kerf, waste))
+        .flatten();
+    let mut out: Vec<Toolpath> = Vec::new();
+    let mut add = |path: ArcPath, depth: f64| {
+        out.push(Toolpath { operation: way.operation, path, depth, part: way.part.clone() });
+    };
+    for (group, passes) in tool.passes.chunk_by(|a, b| a == b).enumerate() {
+        let depth = passes[0];
+        let webs = tool.bridges.filter(|it| way.closed && way.operation.is_cut() && depth > it.below);
+        let mut rounds = match webs {
+            Some(it) => vec![shape::bridged(&way.path, it.count, it.width + tool.kerf); passes.len()],
+            None if way.closed => {
+                let mut path = way.path.clone();
+                (1..passes.len()).for_each(|_| path.append(&way.path));
+                vec![vec![path]]
+            }
+            None => vec![vec![way.path.clone()]; passes.len()],
+        };
+        for (k, pieces) in rounds.iter_mut().enumerate() {
+            if let (Some((into, out)), [first, ..]) = (&leads, pieces.as_mut_slice()) {
+                let mut begun = into.clone();
+                begun.append(first);
+                *first = begun;
+                let last = pieces.len() - 1;
+                pieces[last].append(out);
+            }
+            let whole = pieces.len() == 1 && way.closed && leads.is_none();
+            for path in pieces {
+                let back = !way.closed && knife.is_none() && (group + k) % 2 == 1;
+                add(led(&if back { path.clone().reversed() } else { path.clone() }, whole), depth);
+            }
         }
-        repeats = 1;
     }
-    if let Some(knife) = knife.filter(|_| tool.blade) {
-        points = knife.lead(&points, closed);
-    }
-    vec![Toolpath { points, ..path }; repeats as usize]
+    out
 }
 
 /// Adds a sheet to the sums of the job.
 fn total(job: &mut Toolpaths, paths: &[Toolpath], home: Vec2, options: &Options) {
     let mut at = home;
-    for path in paths {
+    for Toolpath { operation, path, .. } in paths {
         let (first, last) = (path.points[0], path.points[path.points.len() - 1]);
-        let tool = options.tools.iter().find(|it| it.operation == path.operation);
-        job.cut_length += polyline_length(&path.points, false);
+        let tool = options.tools.iter().find(|it| it.operation == *operation);
+        job.cut_length += path.length();
         job.travel_length += (first - at).norm();
         job.lifts += 1;
         job.seconds += options.dynamics.travel((first - at).norm()) + options.dynamics.lift;
-        job.seconds += tool.map_or(0.0, |it| options.dynamics.along(&path.points, it.feed));
+        job.seconds += tool.map_or(0.0, |it| options.dynamics.along(&path.chords(TIMED), it.feed));
         at = last;
     }
     job.travel_length += (home - at).norm();

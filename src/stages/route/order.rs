@@ -65,17 +65,17 @@ pub(super) struct Visit {
     pub(super) entry: usize,
 }
 
-/// Finds for every closed line the smallest closed one around it. Lines must not cross.
-pub(super) fn enclosed(mut items: Vec<Item>) -> Vec<Item> {
-    let bounds: Vec<Box2> = items.iter().map(|it| Box2::of(&it.points)).collect();
-    let size: Vec<f64> = items.iter().map(|it| signed_area(&it.points).abs()).collect();
+/// Finds for every closed line the smallest closed one around it. Lines must not cross; `shapes` are their polygons.
+pub(super) fn enclosed(mut items: Vec<Item>, shapes: &[Vec<Vec2>]) -> Vec<Item> {
+    let bounds: Vec<Box2> = shapes.iter().map(|it| Box2::of(it)).collect();
+    let size: Vec<f64> = shapes.iter().map(|it| signed_area(it).abs()).collect();
     for i in 0..items.len() {
         let around = |j: &usize| {
             *j != i
                 && items[*j].closed
                 && size[*j] > size[i]
                 && bounds[*j].touches(&bounds[i])
-                && contour_contains(&items[*j].points, items[i].points[0])
+                && contour_contains(&shapes[*j], items[i].points[0])
         };
         items[i].inside = (0..items.len()).filter(around).min_by(|a, b| size[*a].total_cmp(&size[*b]));
     }

@@ -6,7 +6,7 @@ use super::{
     *,
 };
 use crate::{
-    geom::polygon::turned,
+    geom::{polygon::turned, polyline_length},
     model::{Mark, Part, Sheet},
     numeric::random::Random,
 };
@@ -54,12 +54,21 @@ fn sheet() -> Sheets {
 }
 
 fn options() -> Options {
-    let tool = |operation| Tool { operation, feed: 25.0, passes: 1, blade: false };
+    let tool = |operation| Tool {
+        operation,
+        feed: 25.0,
+        passes: vec![1.0],
+        blade: false,
+        kerf: 0.0,
+        lead: 0.0,
+        bridges: None,
+    };
     Options {
         tools: Operation::ALL.into_iter().filter(|&it| it != Operation::Sew).map(tool).collect(),
         bed: Vec2::new(300.0, 200.0),
         home: Vec2::zeros(),
         tolerance: 0.005,
+        arcs: 0.0,
         knife: None,
         dynamics: Dynamics { rapid: 100.0, acceleration: 500.0, lift: 0.35 },
     }
@@ -78,8 +87,8 @@ fn every_contour_is_run_exactly_once_and_closed() {
     }
     let mut found: BTreeMap<String, Vec<f64>> = BTreeMap::new();
     for path in job.sheets[0].paths.iter().filter(|it| it.operation.is_cut()) {
-        assert_eq!(path.points.first(), path.points.last());
-        found.entry(path.part.clone()).or_default().push(polyline_length(&path.points, false));
+        assert!(path.path.is_closed());
+        found.entry(path.part.clone()).or_default().push(path.path.length());
     }
     for lengths in wanted.values_mut().chain(found.values_mut()) {
         lengths.sort_by(f64::total_cmp);
@@ -110,7 +119,7 @@ fn strokes_that_meet_are_run_in_one_go_and_missing_tools_are_said() {
     let job = run(&options());
     let text: Vec<_> = job.sheets[0].paths.iter().filter(|it| it.operation == Operation::Text).collect();
     assert_eq!(text.len(), 1);
-    assert!((polyline_length(&text[0].points, false) - (2.0 * 20.0_f64.sqrt() + 4.0)).abs() < 1e-9);
+    assert!((text[0].path.length() - (2.0 * 20.0_f64.sqrt() + 4.0)).abs() < 1e-9);
     assert_eq!(job.left_out, [(Operation::Sew, 1)]);
     assert!(job.sheets[0].paths.iter().all(|it| it.operation != Operation::Sew));
 }
@@ -119,12 +128,12 @@ fn strokes_that_meet_are_run_in_one_go_and_missing_tools_are_said() {
 fn sums_agree_with_the_paths() {
     let job = run(&options());
     let paths = &job.sheets[0].paths;
-    let cut: f64 = paths.iter().map(|it| polyline_length(&it.points, false)).sum();
+    let cut: f64 = paths.iter().map(|it| it.path.length()).sum();
     let mut at = Vec2::zeros();
     let mut travel = 0.0;
     for path in paths {
-        travel += (path.points[0] - at).norm();
-        at = *path.points.last().unwrap();
+        travel += (path.path.points[0] - at).norm();
+        at = *path.path.points.last().unwrap();
     }
     assert!((job.cut_length - cut).abs() < 1e-9);
     assert!((job.travel_length - travel - at.norm()).abs() < 1e-9);
@@ -136,7 +145,7 @@ fn sums_agree_with_the_paths() {
 fn passes_repeat_paths() {
     let mut twice = options();
     for tool in &mut twice.tools {
-        tool.passes = 3;
+        tool.passes = vec![1.0; 3];
     }
     let (one, three) = (run(&options()), run(&twice));
     assert!((three.cut_length - 3.0 * one.cut_length).abs() < 1e-6);
@@ -164,7 +173,7 @@ fn blades_are_led_only_where_they_cut() {
     let (plain, led) = (run(&options()), run(&knife));
     for (a, b) in plain.sheets[0].paths.iter().zip(&led.sheets[0].paths) {
         assert_eq!((a.operation, &a.part), (b.operation, &b.part));
-        assert_eq!(a.operation.is_cut(), a.points != b.points);
+        assert_eq!(a.operation.is_cut(), a.path != b.path);
     }
 }
 
@@ -241,7 +250,8 @@ fn nested_rings_are_known_and_kept_in_order() {
     let mut items: Vec<Item> =
         [40.0, 10.0, 30.0, 20.0].map(|r| Item { points: ring(center, r, 24), closed: true, inside: None }).to_vec();
     items.extend(scatter(20, 5).into_iter().filter(|it| it.closed));
-    let items = enclosed(items);
+    let shapes: Vec<Vec<Vec2>> = items.iter().map(|it| it.points.clone()).collect();
+    let items = enclosed(items, &shapes);
     assert_eq!([0, 1, 2, 3].map(|k| items[k].inside), [None, Some(3), Some(0), Some(2)]);
     let found = tour(&items, Vec2::zeros(), &Monitor::silent()).unwrap();
     let place = |item: usize| found.iter().position(|it| it.item == item).unwrap();

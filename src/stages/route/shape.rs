@@ -1,0 +1,181 @@
+//! The shape of a cut: beside the outline by half its width, entered and left from the waste, with webs left standing.
+use crate::geom::{Vec2, arcs::ArcPath, boolean::offset, segment_tree::SegmentTree, signed_area};
+
+/// Turns beyond this make a corner, which bridges keep away from, radians.
+const CORNER: f64 = 10.0 * std::f64::consts::PI / 180.0;
+/// Places tried for the first bridge.
+const TRIALS: usize = 24;
+/// A contour is at least this many gaps long for every bridge in it.
+const SPARSE: f64 = 4.0;
+/// Checked points of a lead.
+const CHECKED: usize = 8;
+
+/// Webs left standing in a through cut.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bridges {
+    /// How many in each contour; short ones have fewer.
+    pub count: usize,
+    /// Width of a web, mm.
+    pub width: f64,
+    /// Passes deeper than this share of the full depth leave the webs; shallower ones run through.
+    pub below: f64,
+}
+
+/// The ways of the tool for a contour, so that the cut of width `kerf` lies in the waste. Outlines run counter-clockwise,
+/// holes clockwise, and so do the results: the waste is on the right. Empty where a hole is narrower than the cut.
+pub(super) fn beside(contour: &[Vec2], kerf: f64) -> Vec<Vec<Vec2>> {
+    if kerf == 0.0 {
+        return vec![contour.to_vec()];
+    }
+    let outline = signed_area(contour) > 0.0;
+    let mut region = contour.to_vec();
+    if !outline {
+        region.reverse();
+    }
+    let grown = offset(&[region], if outline { kerf / 2.0 } else { -kerf / 2.0 });
+    let mut ways: Vec<Vec<Vec2>> = grown.into_iter().flatten().collect();
+    if !outline {
+        ways.iter_mut().for_each(|it| it.reverse());
+    }
+    ways
+}
+
+/// Quarter circles into and out of a closed path from its right, as large as the waste allows, at most of `radius`. All
+/// of a lead stays `kerf / 2` and half of its distance from the path away from every contour of the sheet.
+pub(super) fn leads(path: &ArcPath, radius: f64, kerf: f64, contours: &SegmentTree) -> Option<(ArcPath, ArcPath)> {
+    let end = path.bulges.len() - 1;
+    let at = path.points[0];
+    let quarter = -(std::f64::consts::PI / 8.0).tan();
+    let arc = |direction: Vec2, r: f64, inward: bool| {
+        let center = at + Vec2::new(direction.y, -direction.x) * r;
+        if inward {
+            ArcPath { points: vec![center - direction * r, at], bulges: vec![quarter] }
+        } else {
+            ArcPath { points: vec![at, center + direction * r], bulges: vec![quarter] }
+        }
+    };
+    let clear = |it: &ArcPath, r: f64, inward: bool| {
+        (1..=CHECKED).all(|k| {
+            let angle = std::f64::consts::FRAC_PI_2 * k as f64 / CHECKED as f64;
+            let length = r * angle;
+            let p = if inward {
+                it.part(0.0, it.length() - length).points.last().copied()
+            } else {
+                it.part(0.0, length).points.last().copied()
+            };
+            // The start of an inward lead is left over when nothing of it remains.
+            let p = p.unwrap_or(it.points[0]);
+            let needed = kerf / 2.0 + r * (1.0 - angle.cos()) / 2.0;
+            contours.nearest(p).is_none_or(|(_, near)| (near - p).norm() >= needed - 1e-9)
+        })
+    };
+    let (first, last) = (path.directions(0).0, path.directions(end).1);
+    [1.0, 0.5, 0.25].into_iter().find_map(|share| {
+        let r = radius * share;
+        let (into, out) = (arc(first, r, true), arc(last, r, false));
+        (clear(&into, r, true) && clear(&out, r, false)).then_some((into, out))
+    })
+}
+
+/// A closed path cut where webs are to stand: gaps of `gap` at even distances, as far from corners as such a row can be.
+pub(super) fn bridged(path: &ArcPath, count: usize, gap: f64) -> Vec<ArcPath> {
+    let length = path.length();
+    let count = count.min((length / (SPARSE * gap)) as usize);
+    if count == 0 {
+        return vec![path.clone()];
+    }
+    let mut corners = vec![0.0];
+    let mut along = 0.0;
+    for i in 0..path.bulges.len() {
+        along += path.part_length(i);
+        if i + 1 < path.bulges.len() {
+            let (a, b) = (path.directions(i).1, path.directions(i + 1).0);
+            if a.dot(&b) < CORNER.cos() {
+                corners.push(along);
+            }
+        }
+    }
+    corners.push(length);
+    let pitch = length / count as f64;
+    let free = |shift: f64| {
+        let places = (0..count).map(|k| shift + pitch * k as f64);
+        places.map(|s| corners.iter().map(|c| (s - c).abs()).fold(f64::MAX, f64::min)).fold(f64::MAX, f64::min)
+    };
+    let shifts = (0..TRIALS).map(|k| pitch * (k as f64 + 0.5) / TRIALS as f64);
+    let best =
+        shifts.fold((pitch / 2.0, f64::MIN), |best, it| if free(it) > best.1 + 1e-9 { (it, free(it)) } else { best });
+    let mut pieces = Vec::with_capacity(count + 1);
+    let mut from = 0.0;
+    for k in 0..count {
+        let middle = best.0 + pitch * k as f64;
+        pieces.push(path.part(from, middle - gap / 2.0));
+        from = middle + gap / 2.0;
+    }
+    pieces.push(path.part(from, length));
+    pieces.retain(|it| it.points.len() > 1);
+    pieces
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn square(side: f64) -> Vec<Vec2> {
+        [[0., 0.], [1., 0.], [1., 1.], [0., 1.]].map(|[x, y]| Vec2::new(x, y) * side).to_vec()
+    }
+
+    #[test]
+    fn the_cut_lies_in_the_waste() {
+        let out = beside(&square(10.0), 0.4);
+        assert_eq!(out.len(), 1);
+        let grown = 100.0 + 40.0 * 0.2 + std::f64::consts::PI * 0.04;
+        assert!((signed_area(&out[0]) - grown).abs() < 1e-3, "{}", signed_area(&out[0]));
+        let mut hole = square(10.0);
+        hole.reverse();
+        let inside = beside(&hole, 0.4);
+        assert!((signed_area(&inside[0]) + 9.6 * 9.6).abs() < 1e-9);
+        hole.iter_mut().for_each(|it| *it *= 0.03);
+        assert!(beside(&hole, 0.4).is_empty(), "narrower than the cut");
+    }
+
+    #[test]
+    fn leads_come_from_the_waste_and_shrink_where_there_is_little() {
+        let contour = square(20.0);
+        let tree = SegmentTree::of_contours(&[contour.clone()]);
+        let path = crate::geom::arcs::fit(&beside(&contour, 0.2)[0], true, 0.005, 0.01);
+        let (into, out) = leads(&path, 2.0, 0.2, &tree).unwrap();
+        assert_eq!(into.points[1], path.points[0]);
+        assert_eq!(out.points[0], path.points[0]);
+        for lead in [&into, &out] {
+            for p in lead.chords(0.01) {
+                let inside = p.x > 0.0 && p.x < 20.0 && p.y > 0.0 && p.y < 20.0;
+                assert!(!inside, "{p}");
+            }
+        }
+        let (direction, _) = path.directions(0);
+        assert!((into.directions(0).1 - direction).norm() < 1e-9, "tangent to the cut");
+        let wall: Vec<Vec2> = contour.iter().map(|p| (p - Vec2::repeat(10.0)) * 1.06 + Vec2::repeat(10.0)).collect();
+        let tight = SegmentTree::of_contours(&[contour, wall]);
+        let shorter = leads(&path, 2.0, 0.2, &tight);
+        assert!(shorter.is_none_or(|it| it.0.length() < 0.6 * into.length()));
+    }
+
+    #[test]
+    fn bridges_leave_their_gaps_away_from_corners() {
+        let mut points = square(30.0);
+        points.push(points[0]);
+        let path = ArcPath::straight(points);
+        let pieces = bridged(&path, 4, 1.2);
+        assert_eq!(pieces.len(), 5, "the first and the last meet at the start");
+        let cut: f64 = pieces.iter().map(ArcPath::length).sum();
+        assert!((path.length() - cut - 4.0 * 1.2).abs() < 1e-9);
+        for w in pieces.windows(2) {
+            let (a, b) = (w[0].points[w[0].points.len() - 1], w[1].points[0]);
+            assert!(((b - a).norm() - 1.2).abs() < 1e-9);
+            let middle = (a + b) / 2.0;
+            let corner = square(30.0).into_iter().map(|c| (c - middle).norm()).fold(f64::MAX, f64::min);
+            assert!(corner > 10.0, "{corner}");
+        }
+        assert_eq!(bridged(&path, 100, 10.0).len(), 4, "not more than fit");
+    }
+}
