@@ -178,7 +178,7 @@ pub struct Toolpath {
     pub path: ArcPath,
     /// Share of the tool's full depth, in (0, 1]; heads without a Z axis know only 1.
     pub depth: f64,
-    /// Name of the part.
+    /// Name of the part; empty where a blade is only turned, in the margin.
     pub part: String,
 }
 

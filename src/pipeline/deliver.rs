@@ -6,6 +6,7 @@ use super::{
     output::Output,
     plan::Plan,
     run::{Event, RunError},
+    simulate::simulate,
     verify::verify,
 };
 use crate::{
@@ -69,6 +70,7 @@ pub(super) fn deliver(
         }
     }
     section.checks.extend(verify(&read_back, &nouns, &plan.profiles));
+    section.checks.extend(simulate(&read_back, &nouns, &plan.profiles));
     let frame = Frame {
         recipe: &plan.recipe,
         seed: plan.seed,

@@ -9,6 +9,7 @@ mod output;
 mod plan;
 mod recipes;
 mod run;
+mod simulate;
 mod verify;
 
 pub use config::{Config, ConfigError, ConfigText, Place};
@@ -17,4 +18,5 @@ pub use output::OutputError;
 pub use plan::{Plan, PlanError, plan};
 pub use recipes::{RECIPES, Recipe, STAGES};
 pub use run::{Event, Outcome, Range, RunError, run};
+pub use simulate::simulate;
 pub use verify::verify;

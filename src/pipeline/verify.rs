@@ -119,7 +119,7 @@ fn program(text: &str, subject: Subject, nouns: &Nouns<'_>, machine: &Machine) -
     if !read.ended || read.spindle != Spindle::Off {
         return Err("ends without M5 and M2".into());
     }
-    if let Some(line) = read.rapid_at_work() {
+    if let Some(line) = read.rapid_at_work {
         return Err(format!("line {line}: a rapid with the tool at work"));
     }
     let strokes: Vec<Vec<Vec2>> = read.strokes().iter().map(|it| gcode::marks(it)).collect();

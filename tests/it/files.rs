@@ -263,7 +263,7 @@ fn programs_keep_the_rules_of_boards() {
                 tools
             };
             assert_eq!(read.pauses, tools.len() - 1, "{name} {}: one pause per change of tool", file.path);
-            assert_eq!(read.rapid_at_work(), None, "{name}");
+            assert_eq!(read.rapid_at_work, None, "{name}");
             let extents = read.extents();
             for axis in 0..2 {
                 assert!(extents.min[axis] >= 0.0 && extents.max[axis] <= profiles.machine.bed[axis].mm, "{name}");

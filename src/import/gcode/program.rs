@@ -26,6 +26,9 @@ pub struct Program {
     pub ended: bool,
     /// Spindle before the end word: a board switches it off then, but a program must not need that.
     pub spindle: Spindle,
+    /// The first line on which the head travels at rapid speed with the tool at work, or with a beam that only laser mode
+    /// keeps dark.
+    pub rapid_at_work: Option<usize>,
     /// Longest line, characters.
     pub longest_line: usize,
 }
@@ -48,6 +51,11 @@ pub fn read_gcode(text: &str, sense: Sense) -> Result<Program, DrawingError> {
         }
         if step.moves.is_empty() && !interpreter.at_work() {
             program.breaks.push(program.moves.len());
+        }
+        let state = &interpreter.state;
+        let lit = sense == Sense::Beam && state.spindle != Spindle::Off && state.speed > 0.0;
+        if step.moves.iter().any(|it| it.rapid && (it.working || lit) && xy(it.from) != xy(it.to)) {
+            program.rapid_at_work.get_or_insert(line);
         }
         program.moves.extend(step.moves.into_iter().map(|it| (line, it)));
         program.pauses += usize::from(step.pause);
@@ -115,11 +123,6 @@ impl Program {
             down = it.working && (down || !flat) && !(flat && it.rapid);
         }
         strokes
-    }
-
-    /// The first line on which the tool travels at rapid speed while it is at work.
-    pub fn rapid_at_work(&self) -> Option<usize> {
-        self.moves.iter().find(|(_, it)| it.working && it.rapid && xy(it.from) != xy(it.to)).map(|it| it.0)
     }
 
     /// Box around every place that the tool goes to.

@@ -18,18 +18,43 @@ pub struct Knife {
     pub overcut: f64,
 }
 
+/// Length of each leg of the alignment over the offset: a blade that lies across is then within 0.04° of the way
+/// (tan(x/2) = e^(−8), see [`crate::geom::arcs::trail`]).
+const LEG: f64 = 8.0;
+
 impl Knife {
-    /// The way of the axis for a way of the tip. A closed way repeats its first point and is cut past it by the overcut.
-    pub(super) fn lead(&self, tip: &ArcPath, closed: bool) -> ArcPath {
+    /// A way in the margin of a sheet that turns the blade, however it was put in, into a known direction, which is
+    /// returned as well: two legs, since a blade may lie exactly against the first. `corner` is a corner of the sheet and
+    /// `inward` the diagonal from it, a pair of signs. `None` where nothing trails or the margin is too narrow.
+    pub(super) fn alignment(&self, corner: Vec2, inward: Vec2, margin: f64) -> Option<(ArcPath, Vec2)> {
+        let leg = (LEG * self.offset).min(0.6 * margin);
+        if leg <= 2.0 * self.offset || self.offset == 0.0 {
+            return None;
+        }
+        let first = corner + inward * (0.2 * margin);
+        let second = first + Vec2::new(inward.x * leg, 0.0);
+        let direction = Vec2::new(0.0, inward.y);
+        Some((ArcPath::straight(vec![first, second, second + direction * leg]), direction))
+    }
+
+    /// The way of the axis for a way of the tip, and the direction of the blade at its end. A closed way repeats its first
+    /// point and is cut past it by the overcut. `before` is the direction in which the blade was left: it swivels about
+    /// the first point of the way, instead of landing beside it.
+    pub(super) fn lead(&self, tip: &ArcPath, closed: bool, before: Option<Vec2>) -> (ArcPath, Option<Vec2>) {
         let mut tip = tip.deduplicated();
         if closed {
             tip.append(&tip.part(0.0, self.overcut));
         }
         if self.offset == 0.0 || tip.points.len() < 2 {
-            return tip;
+            return (tip, before);
         }
         let mut axis = ArcPath::default();
         let mut last: Option<(Vec2, f64)> = None;
+        if let Some(before) = before {
+            axis.push(tip.points[0] + before * self.offset, 0.0);
+            // As after a line that ended there, but always as a swivel.
+            last = Some((before, f64::NAN));
+        }
         for (i, &bulge) in tip.bulges.iter().enumerate() {
             let at = tip.points[i];
             let (first, after) = tip.directions(i);
@@ -52,7 +77,7 @@ impl Knife {
             axis.push(tip.points[i + 1] + after * self.offset, bulge);
             last = Some((after, bulge));
         }
-        axis.deduplicated()
+        (axis.deduplicated(), last.map(|it| it.0))
     }
 }
 
@@ -85,7 +110,7 @@ mod tests {
         let outline =
             path(&[[0., 0.], [30., 0.], [30., 5.], [12., 6.], [29., 9.], [15., 25.], [13., 25.2], [0., 20.], [0., 0.]]);
         let knife = Knife { offset: 0.25, overcut: 0.5 };
-        let trace = drag(&knife.lead(&outline, true), 0.25, Vec2::x());
+        let trace = drag(&knife.lead(&outline, true, None).0, 0.25, Vec2::x());
         let outline = outline.points;
         assert!(farthest(&trace, &outline) < 0.002, "the blade leaves the outline by {}", farthest(&trace, &outline));
         assert!(farthest(&outline, &trace) < 0.002, "a corner is missed by {}", farthest(&outline, &trace));
@@ -100,7 +125,7 @@ mod tests {
             .collect();
         points.extend([[4.0, -10.0], [28.0, -10.0]].map(|[x, y]| Vec2::new(x, y)));
         let tip = fit(&points, true, 0.005, 0.01);
-        let axis = Knife { offset: 0.25, overcut: 0.5 }.lead(&tip, true);
+        let axis = Knife { offset: 0.25, overcut: 0.5 }.lead(&tip, true, None).0;
         assert!(axis.bulges.len() < 16, "{axis:?}");
         let (first, _) = tip.directions(0);
         let trace = drag(&axis, 0.25, first);
@@ -113,11 +138,28 @@ mod tests {
     fn blades_that_start_askew_close_the_contour_by_the_overcut() {
         let square = path(&[[0., 0.], [20., 0.], [20., 20.], [0., 20.], [0., 0.]]);
         let knife = Knife { offset: 0.25, overcut: 1.0 };
-        let trace = drag(&knife.lead(&square, true), 0.25, Vec2::y());
+        let trace = drag(&knife.lead(&square, true, None).0, 0.25, Vec2::y());
         let tail = trace[trace.len() - 1];
         assert!((tail - Vec2::new(1.0, 0.0)).norm() < 0.01, "{tail}");
         assert!(farthest(&square.points, &trace) < 0.1);
         let none = Knife { offset: 0.0, overcut: 0.0 };
-        assert_eq!(none.lead(&square, true), square);
+        assert_eq!(none.lead(&square, true, None).0, square);
+    }
+
+    #[test]
+    fn a_blade_that_is_known_lands_on_the_outline() {
+        let knife = Knife { offset: 0.25, overcut: 0.5 };
+        let (way, direction) = knife.alignment(Vec2::zeros(), Vec2::new(1.0, 1.0), 5.0).unwrap();
+        assert!(way.points.iter().all(|p| p.min() > 0.0 && p.max() < 5.0));
+        let askew = Vec2::new(-0.3, -0.954).normalize();
+        let trace = drag(&way, 0.25, askew);
+        let tip = trace[trace.len() - 1];
+        let left = way.points[2] - tip;
+        assert!((left / 0.25 - direction).norm() < 1e-3, "{left}");
+        let square = path(&[[20., 20.], [40., 20.], [40., 40.], [20., 40.], [20., 20.]]);
+        let (axis, after) = knife.lead(&square, true, Some(direction));
+        let trace = drag(&axis, 0.25, direction);
+        assert!(farthest(&trace, &square.points) < 0.001, "{}", farthest(&trace, &square.points));
+        assert!((after.unwrap() - Vec2::x()).norm() < 1e-12);
     }
 }

@@ -119,6 +119,8 @@ pub fn route(sheets: &Sheets, options: &Options, monitor: &Monitor) -> Result<To
         let home = sheet.size.component_mul(&options.home);
         let mut paths: Vec<Toolpath> = Vec::new();
         let mut at = home;
+        // Where the blade points; unknown after another tool was in the holder.
+        let mut blade: Option<Vec2> = None;
         for phase in phases(options) {
             let chosen: Vec<&Line> = lines.iter().filter(|it| phase.contains(&it.operation)).collect();
             let items: Vec<Item> = chosen.iter().map(|it| it.item.clone()).collect();
@@ -129,7 +131,16 @@ pub fn route(sheets: &Sheets, options: &Options, monitor: &Monitor) -> Result<To
             for path in join(walked) {
                 let tool = options.tools.iter().find(|it| it.operation == path.operation);
                 let tool = tool.expect("phases hold only operations of the tools");
-                paths.extend(run(&path, tool, options.knife.as_ref(), &waste));
+                let knife = options.knife.filter(|_| tool.blade);
+                blade = blade.filter(|_| tool.blade);
+                if let Some((way, direction)) = knife.filter(|_| blade.is_none()).and_then(|it| {
+                    let inward = options.home.map(|it| 1.0 - 2.0 * it);
+                    it.alignment(home, inward, sheets.margin)
+                }) {
+                    paths.push(Toolpath { operation: path.operation, path: way, depth: 1.0, part: String::new() });
+                    blade = Some(direction);
+                }
+                paths.extend(run(&path, tool, knife.map(|it| (it, &mut blade)), &waste));
             }
             at = paths.last().and_then(|it| it.path.points.last()).copied().unwrap_or(at);
         }
@@ -257,10 +268,9 @@ fn join(walked: Vec<Way>) -> Vec<Way> {
 
 /// A way in all its passes, with leads and webs, led by the blade's axis where a blade does it. Passes of one depth
 /// follow each other without a lift where the way is closed; open ways are run to and fro, except by a blade.
-fn run(way: &Way, tool: &Tool, knife: Option<&Knife>, waste: &SegmentTree) -> Vec<Toolpath> {
-    let knife = knife.filter(|_| tool.blade);
-    let led = |path: &ArcPath, closed: bool| knife.map_or_else(|| path.clone(), |it| it.lead(path, closed));
-    let leads = (way.closed && tool.lead > 0.0 && knife.is_none())
+fn run(way: &Way, tool: &Tool, mut knife: Option<(Knife, &mut Option<Vec2>)>, waste: &SegmentTree) -> Vec<Toolpath> {
+    let drags = knife.is_some();
+    let leads = (way.closed && tool.lead > 0.0 && !drags)
         .then(|| shape::leads(&way.path, tool.lead, tool.kerf, waste))
         .flatten();
     let mut out: Vec<Toolpath> = Vec::new();
@@ -289,8 +299,20 @@ fn run(way: &Way, tool: &Tool, knife: Option<&Knife>, waste: &SegmentTree) -> Ve
             }
             let whole = pieces.len() == 1 && way.closed && leads.is_none();
             for path in pieces {
-                let back = !way.closed && knife.is_none() && (group + k) % 2 == 1;
-                add(led(&if back { path.clone().reversed() } else { path.clone() }, whole), depth);
+                let back = !way.closed && !drags && (group + k) % 2 == 1;
+                let path = std::mem::take(path);
+                let path = if back { path.reversed() } else { path };
+                add(
+                    match &mut knife {
+                        None => path,
+                        Some((knife, blade)) => {
+                            let (axis, after) = knife.lead(&path, whole, **blade);
+                            **blade = after;
+                            axis
+                        }
+                    },
+                    depth,
+                );
             }
         }
     }
