@@ -80,6 +80,15 @@ pub(super) struct Run {
     /// No progress
     #[arg(long)]
     pub(super) quiet: bool,
+    /// Send the programs to the machine when all checks hold
+    #[arg(long, requires = "port")]
+    pub(super) send: bool,
+    /// Serial port for --send (see `fabricate ports`)
+    #[arg(long)]
+    pub(super) port: Option<String>,
+    /// Home the machine before --send
+    #[arg(long, requires = "send")]
+    pub(super) home: bool,
 }
 
 #[derive(Debug, clap::Args)]

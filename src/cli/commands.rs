@@ -5,7 +5,7 @@ use clap::CommandFactory;
 
 use super::{
     CANCEL, Exit,
-    args::{Args, Check, Command, Init, Profiles, Run},
+    args::{Args, Check, Command, Init, Profiles, Run, Send},
     inspect, send, show, template,
 };
 use crate::{
@@ -97,6 +97,7 @@ fn job(args: &Run) -> Exit {
         show::warning(warning);
     }
     let out = args.out.as_deref().unwrap_or(&dir);
+    let machine = plan.profiles.machine.clone();
     let range = Range { from: args.from.clone(), to: args.to.clone() };
     let progress = show::Progress::new(args.quiet);
     let result = pipeline::run(&plan, source, out, &range, &CANCEL, &|event| progress.tell(event));
@@ -114,7 +115,15 @@ fn job(args: &Run) -> Exit {
             if !is_config(&args.job) && !args.quiet {
                 show::note("this job had no config; `fabricate init` writes one to change");
             }
-            if outcome.ok() { Exit::Done } else { Exit::ChecksFailed }
+            match (outcome.ok(), args.send) {
+                (false, true) => {
+                    show::note("error: nothing is sent, because not every check holds");
+                    Exit::ChecksFailed
+                }
+                (false, false) => Exit::ChecksFailed,
+                (true, false) => Exit::Done,
+                (true, true) => send_sheets(args, &outcome.report, out, &machine),
+            }
         }
         Err(RunError::Interrupted) => {
             show::note("interrupted; finished stages are kept, and the next run goes on from there");
@@ -125,6 +134,33 @@ fn job(args: &Run) -> Exit {
             Exit::Output
         }
     }
+}
+
+/// Sends the programs of the sheets that a run has written and checked.
+fn send_sheets(args: &Run, report: &serde_json::Value, out: &Path, machine: &profile::Machine) -> Exit {
+    let programs = |format: &str| -> Vec<std::path::PathBuf> {
+        let files = report["files"].as_array().into_iter().flatten().filter(|it| it["format"] == format);
+        files.filter_map(|it| Some(out.join(it["path"].as_str()?))).collect()
+    };
+    let files = Some(programs("gcode")).filter(|it| !it.is_empty()).unwrap_or_else(|| programs("hpgl"));
+    if files.is_empty() {
+        show::note("error: there is no program to send; add `gcode` or `hpgl` to output.formats");
+        return Exit::Usage;
+    }
+    let send = Send {
+        files,
+        machine: machine.name.clone(),
+        port: args.port.clone(),
+        dry_run: false,
+        check: false,
+        frame: false,
+        home: args.home,
+        unlock: false,
+        zero: false,
+        resume: false,
+        quiet: args.quiet,
+    };
+    send::send_to(&send, machine)
 }
 
 fn check(args: &Check) -> Exit {

@@ -16,15 +16,21 @@ use super::{CANCEL, Exit, args::Send, show};
 use crate::{
     machine::{
         grbl::Grbl,
+        hpgl::Hpgl,
         job::{self, Wishes},
         journal::{JournalError, Past},
         link::Serial,
+        marlin::Marlin,
+        plain,
         program::Program,
-        protocol::{Event, Fault},
+        protocol::{Event, Fault, Protocol},
         session::{Operator, SendError, Session, Wish},
     },
-    profile::{Machine, load_machine},
+    profile::{Dialect, Machine, load_machine},
 };
+
+/// How long a cutter may hold back the flow of bytes, s.
+const HELD_BACK: f64 = 600.0;
 
 /// A program and where it lies.
 struct Job {
@@ -68,16 +74,20 @@ fn clock(seconds: f64) -> String {
 
 /// Runs the command; every complaint has been shown when it returns.
 pub(super) fn send(args: &Send) -> Exit {
-    let machine = match profile(&args.machine) {
-        Ok(machine) => machine,
+    match profile(&args.machine) {
+        Ok(machine) => send_to(args, &machine),
         Err(message) => {
             show::note(&format!("error: {message}"));
-            return Exit::Usage;
+            Exit::Usage
         }
-    };
+    }
+}
+
+/// Sends programs to a machine of a known profile.
+pub(super) fn send_to(args: &Send, machine: &Machine) -> Exit {
     let mut jobs = Vec::new();
     for path in &args.files {
-        match read(path, &machine) {
+        match read(path, machine) {
             Ok(job) => jobs.push(job),
             Err(message) => {
                 show::note(&format!("error: {message}"));
@@ -89,9 +99,9 @@ pub(super) fn send(args: &Send) -> Exit {
         show::data(&job.summary());
     }
     let Some(port) = args.port.as_deref().filter(|_| !args.dry_run) else {
-        return dry_run(&jobs, &machine);
+        return dry_run(&jobs, machine);
     };
-    match over_port(args, &machine, &jobs, port) {
+    match over_port(args, machine, &jobs, port) {
         Ok(()) => Exit::Done,
         Err(exit) => exit,
     }
@@ -106,8 +116,33 @@ pub(super) fn profile(name: &str) -> Result<Machine, String> {
 
 fn read(path: &Path, machine: &Machine) -> Result<Job, String> {
     let text = fs::read_to_string(path).map_err(|err| format!("cannot read {}: {err}", path.display()))?;
-    let program = job::read(text.clone(), machine).map_err(|err| format!("{}:\n{err}", path.display()))?;
+    let program = if is_plot(path) { plain::read_plot(&text, machine) } else { job::read(text.clone(), machine) };
+    let program = program.map_err(|err| format!("{}:\n{err}", path.display()))?;
     Ok(Job { path: path.to_owned(), text, program })
+}
+
+/// Whether a file is HPGL, by its ending.
+fn is_plot(path: &Path) -> bool {
+    path.extension().is_some_and(|it| ["plt", "hpgl", "hpg"].iter().any(|known| it.eq_ignore_ascii_case(known)))
+}
+
+/// What is spoken at the other end of the port: plots go to cutters, G-code to boards of the profile's dialect.
+fn language(jobs: &[Job], machine: &Machine) -> Result<Language, String> {
+    let plots = jobs.iter().filter(|it| is_plot(&it.path)).count();
+    match machine.dialect {
+        _ if plots > 0 && plots < jobs.len() => Err("HPGL and G-code cannot go to one machine".into()),
+        _ if plots > 0 => Ok(Language::Hpgl),
+        Dialect::Grbl => Ok(Language::Grbl),
+        Dialect::Marlin => Ok(Language::Marlin),
+        Dialect::LinuxCnc => Err(format!("`{}` reads whole files; load them at its own controls", machine.name)),
+    }
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Language {
+    Grbl,
+    Marlin,
+    Hpgl,
 }
 
 fn dry_run(jobs: &[Job], machine: &Machine) -> Exit {
@@ -119,6 +154,10 @@ fn dry_run(jobs: &[Job], machine: &Machine) -> Exit {
 }
 
 fn over_port(args: &Send, machine: &Machine, jobs: &[Job], port: &str) -> Result<(), Exit> {
+    let language = language(jobs, machine).map_err(|message| {
+        show::note(&format!("error: {message}"));
+        Exit::Usage
+    })?;
     let wire = Serial::open(port, &machine.link).map_err(|err| {
         show::error(&err);
         Exit::Machine
@@ -140,50 +179,78 @@ fn over_port(args: &Send, machine: &Machine, jobs: &[Job], port: &str) -> Result
         ));
     }
     let mut console = Console::new(args.quiet);
-    let wishes = Wishes {
+    let wishes = wishes(args);
+    let mut current = None;
+    let result = match language {
+        Language::Grbl => {
+            let mut session = Session::new(wire, Grbl::new(job::grbl_options(machine)), &mut console, log);
+            session.prepare(machine, wishes).and_then(|()| {
+                each(&mut session, jobs, args, &mut current, |session, job, wishes, tell| {
+                    session.perform(&job.text, machine, wishes, Some(&job.beside(".journal")), tell)
+                })
+            })
+        }
+        Language::Marlin => {
+            let mut session = Session::new(wire, Marlin::new(plain::marlin_options(machine)), &mut console, log);
+            session.prepare(wishes).and_then(|()| {
+                each(&mut session, jobs, args, &mut current, |session, job, wishes, tell| match wishes.frame {
+                    true => session.frame(&job.program, machine),
+                    false => session.perform_plain(&job.program, machine, wishes, Some(&job.beside(".journal")), tell),
+                })
+            })
+        }
+        Language::Hpgl => {
+            let mut session = Session::new(wire, Hpgl::new(plain::hpgl_options(machine)), &mut console, log);
+            // A cutter that holds the bytes back is not broken: it may wait for a sheet.
+            session.set_patience(HELD_BACK);
+            session.prepare(wishes).and_then(|()| {
+                each(&mut session, jobs, args, &mut current, |session, job, wishes, tell| match wishes.frame {
+                    true => session.frame(&job.program),
+                    false => session.perform_plain(&job.program, machine, wishes, Some(&job.beside(".journal")), tell),
+                })
+            })
+        }
+    };
+    console.bar.finish_and_clear();
+    result.map_err(|err| complain(&err, current))
+}
+
+/// Sends one program after the other. Of several, those whose journal says that they are done are left out when a job
+/// is resumed.
+fn each<'j, P: Protocol>(
+    session: &mut Session<'_, Serial, P>,
+    jobs: &'j [Job],
+    args: &Send,
+    current: &mut Option<&'j Job>,
+    mut perform: impl FnMut(&mut Session<'_, Serial, P>, &Job, Wishes, &mut dyn FnMut(&str)) -> Result<(), SendError>,
+) -> Result<(), SendError> {
+    for (i, job) in jobs.iter().enumerate() {
+        if i > 0 && !args.check {
+            session.ask(&format!("put in the material for {}", job.path.display()))?;
+        }
+        *current = Some(job);
+        session.begin(&job.path.display().to_string(), job.program.total_seconds());
+        let mut tell = |text: &str| show::note(text);
+        let several = jobs.len() > 1;
+        match perform(session, job, wishes(args), &mut tell) {
+            Err(SendError::Journal(JournalError::Finished(_))) if several => {}
+            Err(SendError::Journal(JournalError::Missing(_))) if several => {
+                perform(session, job, Wishes { resume: false, ..wishes(args) }, &mut tell)?;
+            }
+            other => other?,
+        }
+    }
+    Ok(())
+}
+
+fn wishes(args: &Send) -> Wishes {
+    Wishes {
         unlock: args.unlock,
         home: args.home,
         zero: args.zero,
         check: args.check,
         frame: args.frame,
         resume: args.resume,
-    };
-    let mut current = None;
-    let result = {
-        let mut session = Session::new(wire, Grbl::new(job::grbl_options(machine)), &mut console, log);
-        session.prepare(machine, wishes).and_then(|()| {
-            for (i, job) in jobs.iter().enumerate() {
-                if i > 0 && !args.check {
-                    session.ask(&format!("put in the material for {}", job.path.display()))?;
-                }
-                current = Some(job);
-                one(&mut session, job, machine, wishes, jobs.len() > 1)?;
-            }
-            Ok(())
-        })
-    };
-    console.bar.finish_and_clear();
-    result.map_err(|err| complain(&err, current))
-}
-
-/// Sends one program. Of several, those whose journal says that they are done are left out when a job is resumed.
-fn one(
-    session: &mut Session<'_, Serial, Grbl>,
-    job: &Job,
-    machine: &Machine,
-    wishes: Wishes,
-    several: bool,
-) -> Result<(), SendError> {
-    session.begin(&job.path.display().to_string(), job.program.total_seconds());
-    let journal = job.beside(".journal");
-    let mut tell = |text: &str| show::note(text);
-    match session.perform(&job.text, machine, wishes, Some(&journal), &mut tell) {
-        Err(SendError::Journal(JournalError::Finished(_))) if several => Ok(()),
-        Err(SendError::Journal(JournalError::Missing(_))) if several => {
-            let wishes = Wishes { resume: false, ..wishes };
-            session.perform(&job.text, machine, wishes, Some(&journal), &mut tell)
-        }
-        other => other,
     }
 }
 

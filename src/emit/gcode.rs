@@ -12,7 +12,7 @@ use crate::{
         arcs::{self, ArcPath},
     },
     model::{Operation, SheetPaths},
-    profile::{Head, Machine, Profiles, Tool},
+    profile::{Dialect, Head, Machine, Profiles, Tool},
 };
 
 /// GRBL refuses lines of 80 characters and more.
@@ -48,7 +48,16 @@ pub(super) fn write(
         Some(false) => program.comment("the board needs laser mode off: $32=0"),
         None => {}
     }
-    program.line("G21 G90 G94 G17 G54");
+    match machine.dialect {
+        // One word a line; it knows neither planes nor systems.
+        Dialect::Marlin => {
+            program.line("G21");
+            program.line("G90");
+        }
+        Dialect::Grbl => program.line("G21 G90 G94 G17 G54"),
+        // Corners may be rounded by a hundredth of a millimetre instead of stopping in each.
+        Dialect::LinuxCnc => program.line("G21 G90 G94 G17 G54 G64 P0.01"),
+    }
     program.start();
     for path in &sheet.paths {
         // What the machine has no tool for is not done; `route` leaves such paths out.
@@ -103,7 +112,8 @@ impl Program<'_> {
         let plain = text.replace('₂', "2").replace('×', "x").replace('²', "2");
         let plain: String =
             plain.chars().filter(|c| matches!(c, ' '..='~') && !"()".contains(*c)).take(LINE - 2).collect();
-        self.line(&format!("({plain})"));
+        let marlin = self.machine.dialect == Dialect::Marlin;
+        self.line(&if marlin { format!("; {plain}") } else { format!("({plain})") });
     }
 
     fn number(&self, value: f64) -> String {
@@ -117,7 +127,9 @@ impl Program<'_> {
 
     fn dwell(&mut self, seconds: f64) {
         if seconds > 0.0 {
-            self.line(&format!("G4 P{}", Self::word(seconds)));
+            // Marlin takes milliseconds from P and seconds from S.
+            let letter = if self.machine.dialect == Dialect::Marlin { 'S' } else { 'P' };
+            self.line(&format!("G4 {letter}{}", Self::word(seconds)));
         }
     }
 
@@ -125,14 +137,23 @@ impl Program<'_> {
     fn start(&mut self) {
         match self.machine.head {
             Head::Laser { dynamic, .. } => {
-                self.line(if dynamic { "M4 S0" } else { "M3 S0" });
+                // I: the power of the moves rides with them (Marlin's inline mode).
+                let inline = if self.machine.dialect == Dialect::Marlin { " I" } else { "" };
+                self.line(&format!("{}{inline} S0", if dynamic { "M4" } else { "M3" }));
                 self.state.power = "0".into();
             }
             Head::Servo { .. } => self.lift(),
             Head::Z { .. } => {
-                self.line("M5");
+                self.spindle_off();
                 self.lift();
             }
+        }
+    }
+
+    /// A Marlin board without a spindle would complain.
+    fn spindle_off(&mut self) {
+        if self.machine.dialect != Dialect::Marlin {
+            self.line("M5");
         }
     }
 
@@ -150,11 +171,22 @@ impl Program<'_> {
         self.state.tool = Some(tool.number);
     }
 
+    /// The board must have stopped before the servo turns; GRBL sees to that itself.
+    fn servo(&mut self, to: f64) {
+        let to = Self::word(to);
+        if self.machine.dialect == Dialect::Marlin {
+            self.line("M400");
+            self.line(&format!("M280 P0 S{to}"));
+        } else {
+            self.line(&format!("M3 S{to}"));
+        }
+    }
+
     fn lower(&mut self, tool: &Tool, depth: f64) {
         match self.machine.head {
             Head::Laser { .. } => {}
             Head::Servo { down, dwell_down, .. } => {
-                self.line(&format!("M3 S{}", Self::word(tool.down.unwrap_or(down))));
+                self.servo(tool.down.unwrap_or(down));
                 self.dwell(dwell_down);
             }
             Head::Z { down, plunge, dwell, .. } => {
@@ -172,7 +204,7 @@ impl Program<'_> {
             // The next rapid carries S0; a line of its own would stop the board for nothing.
             Head::Laser { .. } => {}
             Head::Servo { up, dwell_up, .. } => {
-                self.line(&format!("M3 S{}", Self::word(up)));
+                self.servo(up);
                 self.dwell(dwell_up);
             }
             Head::Z { up, .. } => {
@@ -258,8 +290,9 @@ impl Program<'_> {
         // Zero of the machine, whatever corner that is.
         self.rapid(self.machine.from_work(Vec2::zeros(), self.sheet));
         if !matches!(self.machine.head, Head::Laser { .. }) {
-            self.line("M5");
+            self.spindle_off();
         }
-        self.line("M2");
+        // Marlin has no end of a program (its M30 deletes files); motion is awaited instead.
+        self.line(if self.machine.dialect == Dialect::Marlin { "M400" } else { "M2" });
     }
 }

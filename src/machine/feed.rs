@@ -1,9 +1,13 @@
 //! Turns a program into the lines that go out, one at a time.
 use super::{
+    plot::Plotter,
     program::{Program, Setting, preamble},
     protocol::Line,
 };
-use crate::import::gcode::{Interpreter, LineError, State, bare};
+use crate::{
+    import::gcode::{Interpreter, LineError, bare},
+    profile::Dialect,
+};
 
 /// What comes next.
 #[derive(Debug, Clone, PartialEq)]
@@ -14,10 +18,16 @@ pub enum Next {
     Pause(usize, String),
 }
 
+/// Whoever follows the program.
+enum Follower {
+    Gcode(Interpreter),
+    Plot(Plotter),
+}
+
 /// A program being sent.
 pub struct Feed<'a> {
     program: &'a Program,
-    interpreter: Interpreter,
+    follower: Follower,
     index: usize,
     ahead: std::collections::VecDeque<Line>,
     ended: bool,
@@ -26,8 +36,11 @@ pub struct Feed<'a> {
 impl<'a> Feed<'a> {
     /// From the beginning.
     pub fn new(program: &'a Program, setting: &Setting) -> Self {
-        let interpreter = Interpreter::new(setting.state.clone(), setting.sense);
-        Self { program, interpreter, index: 0, ahead: std::collections::VecDeque::new(), ended: false }
+        let follower = match program.plot {
+            None => Follower::Gcode(Interpreter::new(setting.state.clone(), setting.sense)),
+            Some(feed) => Follower::Plot(Plotter::new(feed, setting.limits.rate[0])),
+        };
+        Self { program, follower, index: 0, ahead: std::collections::VecDeque::new(), ended: false }
     }
 
     /// From the approach of a contour: the modes are restored and the head is brought to where the contour before it
@@ -37,17 +50,36 @@ impl<'a> Feed<'a> {
         setting: &Setting,
         contour: usize,
         decimals: usize,
+        dialect: Dialect,
     ) -> Result<Self, LineError> {
         let mut it = Self::new(program, setting);
         let approach = program.contours.get(contour).map_or(program.len(), |it| it.approach);
+        let mut passed = Vec::new();
         while it.index < approach {
-            let plain = bare(program.line(it.index));
-            if !plain.is_empty() {
-                it.interpreter.line(&plain)?;
+            match &mut it.follower {
+                Follower::Gcode(interpreter) => {
+                    let plain = bare(program.line(it.index));
+                    if !plain.is_empty() {
+                        interpreter.line(&plain)?;
+                    }
+                }
+                Follower::Plot(plotter) => {
+                    let command = program.line(it.index);
+                    plotter.line(command)?;
+                    // Everything but movements: pen, speed, force.
+                    if !command.starts_with('P') {
+                        passed.push(command.to_owned());
+                    }
+                }
             }
             it.index += 1;
         }
-        let lines = preamble(&it.interpreter.state, setting.sense, decimals);
+        let Follower::Gcode(interpreter) = &it.follower else {
+            let lines = passed.into_iter().chain(["PA;".to_owned(), "PU;".to_owned()]);
+            it.ahead.extend(lines.map(|text| Line { text, ..Line::default() }));
+            return Ok(it);
+        };
+        let lines = preamble(&interpreter.state, setting.sense, decimals, dialect);
         // Followed from the machine's real position, so that the way there is known as well.
         let mut follow = Interpreter::new(setting.state.clone(), setting.sense);
         for text in lines {
@@ -58,11 +90,6 @@ impl<'a> Feed<'a> {
         Ok(it)
     }
 
-    /// State of the program after the last line taken.
-    pub fn state(&self) -> &State {
-        &self.interpreter.state
-    }
-
     /// The next line or pause; `None` at the end.
     pub fn take(&mut self) -> Result<Option<Next>, LineError> {
         if let Some(line) = self.ahead.pop_front() {
@@ -71,18 +98,27 @@ impl<'a> Feed<'a> {
         while self.index < self.program.len() && !self.ended {
             let index = self.index;
             self.index += 1;
+            let seconds = self.program.seconds.get(index).map_or(0.0, |&it| it.into());
+            let interpreter = match &mut self.follower {
+                Follower::Gcode(it) => it,
+                Follower::Plot(plotter) => {
+                    let text = self.program.line(index).to_owned();
+                    let moves = plotter.line(&text)?.into_iter().collect();
+                    return Ok(Some(Next::Line(Line { index: Some(index), seconds, text, moves, ..Line::default() })));
+                }
+            };
             let plain = bare(self.program.line(index));
             if plain.is_empty() {
                 continue;
             }
-            let step = self.interpreter.line(&plain)?;
+            let step = interpreter.line(&plain)?;
             self.ended = step.end;
             if step.pause {
                 return Ok(Some(Next::Pause(index, plain)));
             }
             return Ok(Some(Next::Line(Line {
                 index: Some(index),
-                seconds: self.program.seconds.get(index).map_or(0.0, |&it| it.into()),
+                seconds,
                 patience: step.dwell,
                 waits: step.waits,
                 alone: step.alone,

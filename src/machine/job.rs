@@ -86,7 +86,7 @@ pub fn bed_faults(program: &Program, machine: &Machine) -> Vec<String> {
     out
 }
 
-fn query(text: &str) -> Line {
+pub(super) fn query(text: &str) -> Line {
     Line { waits: true, opaque: false, ..Line::command(text) }
 }
 
@@ -196,7 +196,8 @@ impl<W: Wire> Session<'_, W, Grbl> {
         setting = self.setting(machine);
         program = read(&setting)?;
         self.check_bounds(&program, machine)?;
-        let feed = Feed::from_contour(&program, &setting, start, machine.decimals).map_err(unreadable)?;
+        let feed =
+            Feed::from_contour(&program, &setting, start, machine.decimals, machine.dialect).map_err(unreadable)?;
         self.stream(&program, feed, Some(&mut journal))
     }
 

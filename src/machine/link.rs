@@ -8,7 +8,7 @@ use std::{
 use serialport::{ClearBuffer, FlowControl, SerialPort};
 
 use super::{ports, protocol::Seconds};
-use crate::profile::{self, ModemLine};
+use crate::profile::{self, Flow, ModemLine};
 
 /// Why a port could not be opened.
 #[derive(Debug, thiserror::Error)]
@@ -53,7 +53,10 @@ const WRITE_TIMEOUT: Duration = Duration::from_millis(20);
 impl Serial {
     /// Opens a port as a profile says.
     pub fn open(port: &str, link: &profile::Link) -> Result<Self, OpenError> {
-        let mut builder = serialport::new(port, link.baud).timeout(WRITE_TIMEOUT).flow_control(FlowControl::None);
+        let mut builder = serialport::new(port, link.baud).timeout(WRITE_TIMEOUT);
+        // XON and XOFF are looked after by the protocol: what the system holds back cannot be taken back.
+        let hardware = link.flow == Flow::RtsCts;
+        builder = builder.flow_control(if hardware { FlowControl::Hardware } else { FlowControl::None });
         builder = match link.dtr {
             ModemLine::Keep => builder,
             ModemLine::On => builder.dtr_on_open(true),

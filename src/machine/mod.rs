@@ -1,18 +1,23 @@
 //! The way to a machine: protocols without a port inside, the port, and the job that runs over them.
 //!
-//! [`protocol`] says what protocols have in common, [`grbl`] is one of them (its safe abort in `abort`, its replies in
-//! [`reply`]). [`board`] is what it tells of itself. [`program`] reads a whole file, [`timing`] says how
+//! [`protocol`] says what protocols have in common; [`grbl`] (its safe abort in `abort`, its replies in [`reply`]),
+//! [`marlin`] and [`hpgl`] are they. [`board`] is what it tells of itself. [`program`] reads a whole file, [`timing`] says how
 //! long it takes, [`feed`] hands it out, [`track`] follows the machine along it. [`link`] is the wire, [`session`] moves
-//! bytes between wire and protocol, [`job`] knows the steps of a job, [`journal`] what of it is done.
+//! bytes between wire and protocol, [`job`] knows
+//! the steps of a job on a GRBL-type board, [`plain`] those on a machine that tells little of itself, [`journal`] what of it is done.
 
 mod abort;
 pub mod board;
 pub mod codes;
 pub mod feed;
 pub mod grbl;
+pub mod hpgl;
 pub mod job;
 pub mod journal;
 pub mod link;
+pub mod marlin;
+pub mod plain;
+pub mod plot;
 pub mod program;
 pub mod protocol;
 pub mod reply;

@@ -5,7 +5,7 @@ use crate::{
         Interpreter, LineError, Sense, Spindle, State, bare, comment,
         path::{Point, distance},
     },
-    profile::Head,
+    profile::{Dialect, Head},
 };
 
 /// The longest line that boards take; from 80 characters on they answer error:11.
@@ -52,7 +52,7 @@ pub struct Contour {
     /// Seconds with its approach.
     pub seconds: f64,
     /// The comment before it, if there is one: bytes of the text.
-    label: Option<(usize, usize)>,
+    pub(super) label: Option<(usize, usize)>,
 }
 
 /// A line of the program that cannot be sent.
@@ -107,9 +107,9 @@ pub struct Setting {
 /// A program that can be sent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Program {
-    text: String,
+    pub(super) text: String,
     /// Byte offsets of the lines.
-    lines: Vec<u32>,
+    pub(super) lines: Vec<u32>,
     /// Estimated seconds of each line.
     pub seconds: Vec<f32>,
     /// Its contours in order.
@@ -130,6 +130,8 @@ pub struct Program {
     pub worked: f64,
     /// Length without, mm.
     pub travelled: f64,
+    /// For HPGL: the speed with the tool down, mm/min. G-code otherwise.
+    pub(super) plot: Option<f64>,
 }
 
 impl Sense {
@@ -228,6 +230,7 @@ impl Program {
             shifts: reading.shifts,
             worked: reading.worked,
             travelled: reading.travelled,
+            plot: None,
         })
     }
 
@@ -320,6 +323,9 @@ impl Reading {
             let length = way.length();
             *(if way.working { &mut self.worked } else { &mut self.travelled }) += length;
             if self.opaque.is_none() {
+                if way.working {
+                    self.touched.add(std::array::from_fn(|i| way.from[i] - before[i]));
+                }
                 way.extremes(|p| {
                     self.machine.add(p);
                     let work = std::array::from_fn(|i| p[i] - zero[i]);
@@ -350,17 +356,25 @@ impl Reading {
 
 /// What to send to go on at a contour: the modes as they are before its approach, the tool off, the head where the
 /// contour before ended. Feed and spindle words come last, when the head is in place.
-pub fn preamble(state: &State, sense: Sense, decimals: usize) -> Vec<String> {
+pub fn preamble(state: &State, sense: Sense, decimals: usize, dialect: Dialect) -> Vec<String> {
     let work = state.work_position();
     let system = 54 + state.system;
-    let mut out = vec![format!("G21G90G94G{}G{system}", state.plane), "M5".to_owned()];
+    // Marlin takes one word a line and knows no planes, systems and kinds of feed.
+    let marlin = dialect == Dialect::Marlin;
+    let mut out = if marlin {
+        vec!["G21".to_owned(), "G90".to_owned()]
+    } else {
+        vec![format!("G21G90G94G{}G{system}", state.plane), "M5".to_owned()]
+    };
     if let Sense::Height { clear } = sense {
         // Up first; the program's own height only once it is above the work.
         out.push(format!("G0Z{:.decimals$}", (2.0 * clear).max(work[2])));
     }
     if let Sense::Servo { up, .. } = sense {
-        out.push(format!("M3S{up}"));
-        out.push("G4P0.3".to_owned());
+        out.push(if marlin { format!("M280P0S{up}") } else { format!("M3S{up}") });
+        out.push(if marlin { "G4S0.3" } else { "G4P0.3" }.to_owned());
+    } else if marlin {
+        out.push("M5".to_owned());
     }
     out.push(format!("G0X{:.decimals$}Y{:.decimals$}", work[0], work[1]));
     let spindle = match state.spindle {
@@ -369,7 +383,10 @@ pub fn preamble(state: &State, sense: Sense, decimals: usize) -> Vec<String> {
         Spindle::Dynamic => "M4",
     };
     // The beam never comes on at a standstill: the motion word stays G0 until the program moves.
-    out.push(format!("{spindle}S{}", state.speed));
+    match sense {
+        Sense::Servo { .. } if marlin => out.push(format!("M280P0S{}", state.speed)),
+        _ => out.push(format!("{spindle}S{}", state.speed)),
+    }
     let mut modes = String::new();
     if state.feed > 0.0 && !state.inverse_time {
         modes += &format!("F{:.3}", state.feed);
@@ -435,7 +452,7 @@ mod tests {
             let errors = Program::read(text.into(), &setting(Sense::Beam)).unwrap_err();
             errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
         };
-        assert!(read(&format!("G1 X{} F1", "0".repeat(78))).contains("line 1 has 82 characters"));
+        assert!(read(&format!("G1 X{} F1", "0".repeat(78))).contains("line 1 has 83 characters"));
         assert!(read("G1 X1").contains("line 1: a feed move before any F"));
         assert!(read("M3 S1\nG1 X1 F9\nM0").contains("line 3: the program pauses here with the tool at work"));
         assert!(read("; nothing").contains("moves nothing"));

@@ -133,6 +133,14 @@ pub enum Fault {
         /// The line that should be executing.
         place: Option<Place>,
     },
+    /// A complaint of the board in its own words.
+    #[error("the board says `{text}`{}", at(place))]
+    Said {
+        /// Its words.
+        text: String,
+        /// The line that it was reading.
+        place: Option<Place>,
+    },
     /// The door was opened, or the board went to sleep or to a tool change.
     #[error("the machine stopped by itself: {0}")]
     Stopped(&'static str),

@@ -141,9 +141,17 @@ fn tips(cuts: &[Cut], offset: f64) -> Vec<Cut> {
 
 /// Compares the strokes of a program with the contours of its sheet.
 pub(super) fn compare(cuts: &[Cut], sheet: &Sheet, machine: &Machine) -> Fit {
-    let cutting: Vec<Cut> = cuts.iter().filter(|it| it.operation.is_cut() && it.points.len() > 1).cloned().collect();
     let blade = machine.knife.filter(|it| machine.kind == MachineKind::DragKnife && it.offset.mm > 0.0);
-    let cutting = blade.map_or_else(|| cutting.clone(), |it| tips(&cutting, it.offset.mm));
+    let number = |operation| machine.tools.get(operation).map(|it| it.number);
+    let cutting: Vec<Cut> = match blade {
+        // What else the blade does turns it as well.
+        Some(knife) => {
+            let dragged = cuts.iter().filter(|it| number(it.operation) == number(Operation::CutOutside)).cloned();
+            tips(&dragged.collect::<Vec<_>>(), knife.offset.mm)
+        }
+        None => cuts.to_vec(),
+    };
+    let cutting: Vec<Cut> = cutting.into_iter().filter(|it| it.operation.is_cut() && it.points.len() > 1).collect();
     let lines: Vec<Vec<Vec2>> = cutting.iter().map(|it| it.points.clone()).collect();
     let contours: Vec<Vec<Vec2>> = sheet.parts.iter().flat_map(|it| it.contours.iter().cloned()).collect();
     if lines.is_empty() || contours.is_empty() {

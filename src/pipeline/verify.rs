@@ -10,7 +10,7 @@ use crate::{
         gcode::{self, Sense, Spindle},
     },
     model::{Line, Part},
-    profile::{Machine, Profiles},
+    profile::{Dialect, Head, Machine, Profiles},
     stage::Check,
 };
 
@@ -37,7 +37,9 @@ pub fn verify(files: &[File], nouns: &Nouns<'_>, profiles: &Profiles) -> Vec<Che
     }
     let check = |(format, finding): (&str, Finding)| {
         let limit = match format {
-            "gcode" => LIMIT.max(10_f64.powi(-(profiles.machine.decimals as i32))),
+            // The middle of an arc feels the rounding of its ends and, turned by up to a quarter, of its centre: with
+            // half a step in each coordinate at most (1 + 1 + √2) √2 / 2 steps of the last decimal.
+            "gcode" => LIMIT.max(2.5 * 10_f64.powi(-(profiles.machine.decimals as i32))),
             "hpgl" => PLOTTER_LIMIT,
             _ => LIMIT,
         };
@@ -116,7 +118,10 @@ fn program(text: &str, subject: Subject, nouns: &Nouns<'_>, machine: &Machine) -
     if read.longest_line > LONGEST_LINE {
         return Err(format!("a line of {} characters; boards take {LONGEST_LINE}", read.longest_line));
     }
-    if !read.ended || read.spindle != Spindle::Off {
+    // Marlin has no end word, and its servo does not need the spindle's.
+    let marlin = machine.dialect == Dialect::Marlin;
+    let off = read.spindle == Spindle::Off || marlin && !matches!(machine.head, Head::Laser { .. });
+    if !(read.ended || marlin) || !off {
         return Err("ends without M5 and M2".into());
     }
     if let Some(line) = read.rapid_at_work {

@@ -25,6 +25,20 @@ pub enum Streaming {
     SendResponse,
 }
 
+/// How a cutter stops the flow of bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Flow {
+    /// Not at all, or by the answers of a G-code board.
+    None,
+    /// The bytes XOFF and XON.
+    XonXoff,
+    /// The lines RTS and CTS.
+    RtsCts,
+    /// It is asked for its free room: `ESC . B` of HP's plotters.
+    EscB,
+}
+
 /// The connection.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -37,6 +51,8 @@ pub struct Link {
     pub rts: ModemLine,
     /// Pacing of lines.
     pub streaming: Streaming,
+    /// Flow control; only HPGL cutters need any.
+    pub flow: Flow,
     /// Largest motion to have on the board, s: with the cable out the tool goes on that long.
     pub buffered: f64,
     /// How long the board may take to start after the port was opened, s.
@@ -50,6 +66,7 @@ impl Default for Link {
             dtr: ModemLine::Keep,
             rts: ModemLine::Keep,
             streaming: Streaming::Counting,
+            flow: Flow::None,
             buffered: 2.0,
             boot: 8.0,
         }

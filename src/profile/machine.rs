@@ -31,6 +31,19 @@ impl MachineKind {
     }
 }
 
+/// What its board understands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Dialect {
+    /// GRBL 1.1, grblHAL, FluidNC.
+    #[default]
+    Grbl,
+    /// Marlin: dwells in milliseconds, a servo by M280, motion awaited before the tool is switched.
+    Marlin,
+    /// Controllers of the LinuxCNC kind, which read whole files: G64 for smooth corners.
+    LinuxCnc,
+}
+
 /// An sRGB colour, written "#rrggbb".
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
@@ -217,6 +230,9 @@ pub struct Machine {
     pub acceleration: f64,
     /// Decimals of a millimetre in G-code.
     pub decimals: usize,
+    /// The G-code of its board.
+    #[serde(default)]
+    pub dialect: Dialect,
     /// Whether programs may hold arcs (G2, G3).
     #[serde(default = "yes")]
     pub arcs: bool,

@@ -256,7 +256,9 @@ impl Interpreter {
     fn modal(&mut self, words: &[Word], values: &Values, step: &mut Step) {
         let state = &mut self.state;
         let before = (state.spindle, state.speed);
-        if let Some(s) = values.s {
+        // Marlin takes the seconds of a dwell from S.
+        let dwells = values.p.is_none() && words.iter().any(|it| it.letter == b'G' && code(it) == 40);
+        if let Some(s) = values.s.filter(|_| !dwells) {
             state.speed = s;
         }
         for word in words {
@@ -268,7 +270,9 @@ impl Interpreter {
                 (b'M', 50) => state.spindle = Spindle::Off,
                 // Marlin's servo: its angle takes the place of S.
                 (b'M', 2800) => state.spindle = Spindle::On,
-                (b'G', 40) => step.dwell = values.p.unwrap_or(0.0).max(0.0),
+                // Marlin: until motion has ended.
+                (b'M', 4000) => step.waits = true,
+                (b'G', 40) => step.dwell = values.p.or(values.s).unwrap_or(0.0).max(0.0),
                 (b'G', it @ (170 | 180 | 190)) => state.plane = (it / 10) as u8,
                 (b'G', 900) => state.relative = false,
                 (b'G', 910) => state.relative = true,

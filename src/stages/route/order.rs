@@ -67,7 +67,7 @@ pub(super) struct Visit {
 
 /// Finds for every closed line the smallest closed one around it. Lines must not cross; `shapes` are their polygons.
 pub(super) fn enclosed(mut items: Vec<Item>, shapes: &[Vec<Vec2>]) -> Vec<Item> {
-    let bounds: Vec<Box2> = shapes.iter().map(|it| Box2::of(it)).collect();
+    let bounds: Vec<Box2> = shapes.iter().map(Box2::of).collect();
     let size: Vec<f64> = shapes.iter().map(|it| signed_area(it).abs()).collect();
     for i in 0..items.len() {
         let around = |j: &usize| {
