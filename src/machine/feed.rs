@@ -20,7 +20,7 @@ pub enum Next {
 
 /// Whoever follows the program.
 enum Follower {
-    Gcode(Interpreter),
+    Gcode(Box<Interpreter>),
     Plot(Plotter),
 }
 
@@ -37,7 +37,7 @@ impl<'a> Feed<'a> {
     /// From the beginning.
     pub fn new(program: &'a Program, setting: &Setting) -> Self {
         let follower = match program.plot {
-            None => Follower::Gcode(Interpreter::new(setting.state.clone(), setting.sense)),
+            None => Follower::Gcode(Box::new(Interpreter::new(setting.state.clone(), setting.sense))),
             Some(feed) => Follower::Plot(Plotter::new(feed, setting.limits.rate[0])),
         };
         Self { program, follower, index: 0, ahead: std::collections::VecDeque::new(), ended: false }

@@ -208,10 +208,7 @@ impl Marlin {
         self.progress = now;
         self.resends = 0;
         match sent.kind {
-            Kind::Question => {
-                self.ask(now);
-                return;
-            }
+            Kind::Question => self.ask(now),
             Kind::Program => {
                 let news = self.track.ok();
                 self.executed(news);
