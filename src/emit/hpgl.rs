@@ -22,12 +22,19 @@ pub(super) fn write(sheet: &SheetPaths, machine: &Machine, out: &mut dyn io::Wri
             continue;
         };
         if selected != Some(tool.number) {
+            // The other tool is put in with this one lifted.
+            text.push_str(if selected.is_some() { "PU;\n" } else { "" });
             text.push_str(&format!("SP{};\n", tool.number));
             selected = Some(tool.number);
         }
-        text.push_str(&format!("PU{};\n", place(*first)));
-        for point in rest {
-            text.push_str(&format!("PD{};\n", place(*point)));
+        let mut last = place(*first);
+        text.push_str(&format!("PU{last};\n"));
+        for point in rest.iter().map(|it| place(*it)) {
+            // Points that fall together on the plotter's grid are one.
+            if point != last {
+                text.push_str(&format!("PD{point};\n"));
+                last = point;
+            }
         }
     }
     text.push_str("PU;\nSP0;\n");

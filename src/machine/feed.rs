@@ -31,6 +31,9 @@ pub struct Feed<'a> {
     index: usize,
     ahead: std::collections::VecDeque<Line>,
     ended: bool,
+    /// The line before which a plot waits for its pen: lifted first, then asked for.
+    lifted: Option<usize>,
+    asked: Option<usize>,
 }
 
 impl<'a> Feed<'a> {
@@ -40,7 +43,15 @@ impl<'a> Feed<'a> {
             None => Follower::Gcode(Box::new(Interpreter::new(setting.state.clone(), setting.sense))),
             Some(feed) => Follower::Plot(Plotter::new(feed, setting.limits.rate[0])),
         };
-        Self { program, follower, index: 0, ahead: std::collections::VecDeque::new(), ended: false }
+        Self {
+            program,
+            follower,
+            index: 0,
+            ahead: std::collections::VecDeque::new(),
+            ended: false,
+            lifted: None,
+            asked: None,
+        }
     }
 
     /// From the approach of a contour: the modes are restored and the head is brought to where the contour before it
@@ -103,6 +114,16 @@ impl<'a> Feed<'a> {
                 Follower::Gcode(it) => it,
                 Follower::Plot(plotter) => {
                     let text = self.program.line(index).to_owned();
+                    if self.asked != Some(index) && self.program.pauses.binary_search(&index).is_ok() {
+                        self.index = index;
+                        if self.lifted == Some(index) {
+                            self.asked = Some(index);
+                            return Ok(Some(Next::Pause(index, text)));
+                        }
+                        self.lifted = Some(index);
+                        plotter.line("PU;")?;
+                        return Ok(Some(Next::Line(Line { text: "PU;".into(), ..Line::default() })));
+                    }
                     let moves = plotter.line(&text)?.into_iter().collect();
                     return Ok(Some(Next::Line(Line { index: Some(index), seconds, text, moves, ..Line::default() })));
                 }

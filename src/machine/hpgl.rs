@@ -22,6 +22,8 @@ const SLOWER: f64 = 0.25;
 const HELD: Seconds = 600.0;
 /// The end of an abort is waited for at most this long, s.
 const CLOSING: Seconds = 3.0;
+/// Under XON and XOFF no more than this is on its way: what has left cannot be called back, s of the wire.
+const ON_WIRE: Seconds = 0.002;
 const XON: u8 = 0x11;
 const XOFF: u8 = 0x13;
 
@@ -32,6 +34,8 @@ pub struct Options {
     pub buffered: f64,
     /// How it stops the flow of bytes.
     pub flow: Flow,
+    /// Bits per second.
+    pub baud: u32,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,6 +67,8 @@ pub struct Hpgl {
     sent: VecDeque<(Option<usize>, usize, Seconds)>,
     /// Bytes of `sent`.
     bytes: usize,
+    /// When everything written has gone over the wire.
+    wire: Seconds,
     due: Seconds,
     planned: Seconds,
     fault: Option<Fault>,
@@ -86,6 +92,7 @@ impl Hpgl {
             emptied: None,
             sent: VecDeque::new(),
             bytes: 0,
+            wire: 0.0,
             due: 0.0,
             planned: 0.0,
             fault: None,
@@ -232,14 +239,17 @@ impl Protocol for Hpgl {
 
     fn can_take(&self, line: &Line) -> bool {
         let short = self.ahead() + line.seconds <= self.options.buffered || self.ahead() < LEAST_AHEAD;
+        let flows = self.options.flow != Flow::XonXoff || self.wire - self.now <= ON_WIRE;
         let fits = !self.asks() || self.asked.is_none() && line.text.len() + 1 < self.free;
-        self.phase == Phase::Ready && self.held.is_none() && short && fits
+        self.phase == Phase::Ready && self.held.is_none() && short && fits && flows
     }
 
     fn push(&mut self, now: Seconds, line: Line) {
         self.out.extend_from_slice(line.text.as_bytes());
         self.out.push(b'\n');
         let bytes = line.text.len() + 1;
+        // Ten bits a byte.
+        self.wire = self.wire.max(now) + 10.0 * bytes as f64 / f64::from(self.options.baud);
         self.free = self.free.saturating_sub(bytes);
         self.bytes += bytes;
         self.due = self.due.max(now) + line.seconds;

@@ -73,6 +73,9 @@ pub struct Marlin {
     resends: u32,
     /// The answer that follows a request to send again belongs to the damaged line.
     skip: bool,
+    /// The line was sent once more because nothing came.
+    again: bool,
+    copied: bool,
     track: Track,
     /// When everything sent will have been executed, by the plan, and its seconds so far.
     due: Seconds,
@@ -107,6 +110,8 @@ impl Marlin {
             questions: VecDeque::new(),
             resends: 0,
             skip: false,
+            again: false,
+            copied: false,
             track: Track::new(BLOCKS),
             due: 0.0,
             planned: 0.0,
@@ -207,6 +212,7 @@ impl Marlin {
         };
         self.progress = now;
         self.resends = 0;
+        (self.again, self.copied) = (false, false);
         match sent.kind {
             Kind::Question => self.ask(now),
             Kind::Program => {
@@ -245,7 +251,11 @@ impl Marlin {
         } else if lower == "ok" || lower.starts_with("ok ") {
             self.answered(now);
         } else if lower.starts_with("resend:") || lower.starts_with("rs ") {
-            self.resend(now);
+            let number = lower.trim_start_matches(|c: char| !c.is_ascii_digit()).parse::<u32>().ok();
+            // Asked for the line after this one, the board has it already: only its answer was lost.
+            if number.is_none_or(|it| it <= self.number) {
+                self.resend(now);
+            }
         } else if lower.starts_with("error:") {
             // The request to send again follows these.
             if !lower.contains("checksum") && !lower.contains("line number") {
@@ -267,6 +277,11 @@ impl Marlin {
 
     fn resend(&mut self, now: Seconds) {
         self.resends += 1;
+        self.skip = true;
+        // The copy that was sent unasked answers this.
+        if std::mem::take(&mut self.copied) {
+            return;
+        }
         let Some(sent) = &mut self.sent else { return };
         if self.resends > RESENDS {
             let text = format!("it asked for the same line {RESENDS} times over (a bad cable, or the wrong baud rate)");
@@ -277,7 +292,6 @@ impl Marlin {
         self.out.extend_from_slice(sent.text.as_bytes());
         self.out.push(b'\n');
         sent.at = now;
-        self.skip = true;
     }
 
     fn watch(&mut self, now: Seconds) {
@@ -292,9 +306,16 @@ impl Marlin {
             Phase::Ready => {
                 let Some(sent) = &self.sent else { return };
                 let allowed = ANSWER + sent.patience + (self.due - now).max(0.0);
-                if now - self.progress.max(sent.at) > allowed {
+                let waited = now - self.progress.max(sent.at);
+                if waited > allowed {
                     let place = sent.place.clone();
                     self.fail(now, Fault::LostOk { missing: 1, place });
+                } else if waited > 0.5 * allowed && !self.again {
+                    // The end of the line or its answer may be lost. Its number keeps it from being done twice.
+                    (self.again, self.copied) = (true, true);
+                    self.out.push(b'\n');
+                    self.out.extend_from_slice(sent.text.as_bytes());
+                    self.out.push(b'\n');
                 }
             }
             Phase::Aborting { fault_at, .. } if now - fault_at > CLOSING + self.options.buffered => {

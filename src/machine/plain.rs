@@ -38,7 +38,7 @@ pub fn marlin_options(machine: &Machine) -> marlin::Options {
 
 /// How an HPGL cutter of this profile is spoken to.
 pub fn hpgl_options(machine: &Machine) -> hpgl::Options {
-    hpgl::Options { buffered: machine.link.buffered, flow: machine.link.flow }
+    hpgl::Options { buffered: machine.link.buffered, flow: machine.link.flow, baud: machine.link.baud }
 }
 
 /// Reads a plot with the speeds of the profile.

@@ -90,9 +90,24 @@ struct Reading {
     worked: f64,
     travelled: f64,
     open: bool,
+    /// The pen in the holder, and the lines at which it is changed.
+    pen: Option<String>,
+    pauses: Vec<usize>,
 }
 
 impl Reading {
+    /// Another pen: somebody has to put it in. `SP0` puts it away, and the first is there already.
+    fn select(&mut self, index: usize, line: &str) {
+        let Some(pen) = line.trim_end_matches(';').strip_prefix("SP").map(str::trim) else { return };
+        if pen.is_empty() || pen == "0" {
+            return;
+        }
+        if self.pen.as_deref().is_some_and(|it| it != pen) {
+            self.pauses.push(index);
+        }
+        self.pen = Some(pen.to_owned());
+    }
+
     fn take(&mut self, index: usize, it: &Move) {
         self.clock.travel(index, it);
         self.bounds.add(it.to);
@@ -127,6 +142,8 @@ pub fn read(text: &str, feed: f64, limits: Limits) -> Result<Program, Vec<Progra
         worked: 0.0,
         travelled: 0.0,
         open: false,
+        pen: None,
+        pauses: Vec::new(),
     };
     let mut errors = Vec::new();
     let mut lines = vec![0_u32];
@@ -134,7 +151,10 @@ pub fn read(text: &str, feed: f64, limits: Limits) -> Result<Program, Vec<Progra
         lines.push(lines[index] + line.len() as u32);
         match plotter.line(line.trim_end()) {
             Ok(Some(it)) => reading.take(index, &it),
-            Ok(None) => reading.open &= plotter.down,
+            Ok(None) => {
+                reading.open &= plotter.down;
+                reading.select(index, line.trim_end());
+            }
             Err(cause) if errors.len() < 20 => {
                 errors.push(ProgramError::Line { line: index + 1, text: line.trim_end().to_owned(), cause });
             }
@@ -148,7 +168,7 @@ pub fn read(text: &str, feed: f64, limits: Limits) -> Result<Program, Vec<Progra
     if !errors.is_empty() {
         return Err(errors);
     }
-    let Reading { clock, mut contours, bounds, touched, worked, travelled, .. } = reading;
+    let Reading { clock, mut contours, bounds, touched, worked, travelled, pauses, .. } = reading;
     let seconds = clock.finish(lines.len());
     for contour in &mut contours {
         contour.seconds = seconds[contour.approach..=contour.last].iter().map(|&it| f64::from(it)).sum();
@@ -161,7 +181,7 @@ pub fn read(text: &str, feed: f64, limits: Limits) -> Result<Program, Vec<Progra
         machine: bounds,
         work: bounds,
         touched,
-        pauses: Vec::new(),
+        pauses,
         opaque: None,
         shifts: false,
         worked,
@@ -185,6 +205,9 @@ mod tests {
         assert_eq!(program.contours[0].start, [10.0, 10.0, 0.0]);
         assert!((program.worked - 30.0 - 200.0_f64.sqrt()).abs() < 1e-9);
         assert_eq!((program.touched.min[0], program.touched.max[0]), (10.0, 60.0));
+        assert!(program.pauses.is_empty());
+        let two = read("IN;SP2;PU0,0;PD40,0;SP1;PU80,0;PD80,40;SP0;", 1200.0, LIMITS).unwrap();
+        assert_eq!(two.pauses.iter().map(|&it| two.line(it)).collect::<Vec<_>>(), ["SP1;"]);
         assert!(program.total_seconds() > program.worked / 20.0);
     }
 

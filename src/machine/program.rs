@@ -456,6 +456,6 @@ mod tests {
         assert!(read("G1 X1").contains("line 1: a feed move before any F"));
         assert!(read("M3 S1\nG1 X1 F9\nM0").contains("line 3: the program pauses here with the tool at work"));
         assert!(read("; nothing").contains("moves nothing"));
-        assert!(read("G1 X1 F1\nG1 Xa").contains("line 2: `XA`"));
+        assert!(read("G1 X1 F1\nG1 Xa").contains("line 2: `X`"));
     }
 }

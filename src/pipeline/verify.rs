@@ -18,6 +18,9 @@ use crate::{
 const LIMIT: f64 = 1e-3;
 /// Half the diagonal of a plotter unit of 0.025 mm.
 const PLOTTER_LIMIT: f64 = 0.018;
+/// The middle of an arc feels the rounding of its ends and, turned by up to a quarter, of its centre: with half a step in
+/// each coordinate at most (1 + 1 + √2) √2 / 2 = 2.4 steps of the last decimal.
+const MIDDLE: f64 = 2.5;
 /// GRBL refuses lines of 80 characters and more.
 const LONGEST_LINE: usize = 79;
 
@@ -37,9 +40,7 @@ pub fn verify(files: &[File], nouns: &Nouns<'_>, profiles: &Profiles) -> Vec<Che
     }
     let check = |(format, finding): (&str, Finding)| {
         let limit = match format {
-            // The middle of an arc feels the rounding of its ends and, turned by up to a quarter, of its centre: with
-            // half a step in each coordinate at most (1 + 1 + √2) √2 / 2 steps of the last decimal.
-            "gcode" => LIMIT.max(2.5 * 10_f64.powi(-(profiles.machine.decimals as i32))),
+            "gcode" => LIMIT.max(10_f64.powi(-(profiles.machine.decimals as i32))),
             "hpgl" => PLOTTER_LIMIT,
             _ => LIMIT,
         };
@@ -127,9 +128,15 @@ fn program(text: &str, subject: Subject, nouns: &Nouns<'_>, machine: &Machine) -
     if let Some(line) = read.rapid_at_work {
         return Err(format!("line {line}: a rapid with the tool at work"));
     }
-    let strokes: Vec<Vec<Vec2>> = read.strokes().iter().map(|it| gcode::marks(it)).collect();
-    let marks = |path: &ArcPath| if machine.arcs { path.marks() } else { path.chords(CHORD) };
-    paths(&strokes, subject, nouns, machine, marks, |_| true)
+    let strokes = read.strokes();
+    let straight: Vec<Vec<Vec2>> = strokes.iter().map(|it| gcode::ends(it)).collect();
+    if !machine.arcs {
+        return paths(&straight, subject, nouns, machine, |path| path.chords(CHORD), |_| true);
+    }
+    let round: Vec<Vec<Vec2>> = strokes.iter().map(|it| gcode::marks(it)).collect();
+    let ends = paths(&straight, subject, nouns, machine, |path| path.points.clone(), |_| true)?;
+    let middles = paths(&round, subject, nouns, machine, ArcPath::marks, |_| true)?;
+    Ok(ends.max(middles / MIDDLE))
 }
 
 fn plot(text: &str, subject: Subject, nouns: &Nouns<'_>, machine: &Machine) -> Result<f64, String> {

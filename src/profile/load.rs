@@ -35,7 +35,7 @@ macro_rules! built_in {
 }
 
 /// Machines known by name; the first is the default.
-pub const MACHINES: &[BuiltIn] = built_in!("machines": "drag-knife-a3", "laser-co2", "pen-plotter");
+pub const MACHINES: &[BuiltIn] = built_in!("machines": "drag-knife-a3", "laser-co2", "pen-plotter", "vinyl-cutter");
 
 /// Materials known by name; the first is the default.
 pub const MATERIALS: &[BuiltIn] = built_in!("materials": "paper-200gsm", "felt-3mm", "plywood-3mm");
@@ -345,7 +345,7 @@ mod tests {
                 }
             }
         }
-        assert_eq!(good, 7, "paper on all three, felt and plywood on pen and laser");
+        assert_eq!(good, 8, "paper on all four, felt and plywood on pen and laser");
     }
 
     #[test]

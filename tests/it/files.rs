@@ -11,8 +11,11 @@ use fabricate::{
         read_dxf, read_gcode, read_svg,
     },
     model::{Mark, Operation, Part, Parts, Placement, Sheet, SheetPaths, Sheets, Toolpath, Toolpaths},
-    pipeline::verify,
+    numeric::Monitor,
+    pipeline::{simulate, verify},
     profile::{Head, MACHINES, Profiles},
+    stage::{Cx, Stage},
+    stages::route::stage::RouteStage,
 };
 use toml::de::DeTable;
 
@@ -313,6 +316,53 @@ fn plots_hold_one_pair_per_command() {
         for line in text(file).lines() {
             assert!(line.ends_with(';') && line.matches(';').count() == 1 && line.matches(',').count() <= 1, "{line}");
         }
+    }
+}
+
+/// Routed, written, read back and carried out by a model of the tool: what comes out is the layout.
+#[test]
+fn the_replayed_tool_cuts_what_the_layout_says() {
+    let bridged = "[tools.cut-outside]\nbridges = { count = 3, width = 2 }\nlead = 2\n";
+    for (material, machine) in [
+        ("", "profile = \"drag-knife-a3\"".to_owned()),
+        ("", "profile = \"drag-knife-a3\"\narcs = false".to_owned()),
+        ("", "profile = \"drag-knife-a3\"\norigin = \"upper-right\"\ninvert_y = true".to_owned()),
+        ("", "profile = \"drag-knife-a3\"\ndialect = \"marlin\"".to_owned()),
+        ("", "profile = \"pen-plotter\"".to_owned()),
+        ("profile = \"plywood-3mm\"", "profile = \"laser-co2\"".to_owned()),
+        ("profile = \"plywood-3mm\"", format!("profile = \"laser-co2\"\n{bridged}")),
+        ("profile = \"felt-3mm\"", "profile = \"laser-co2\"\ninvert_y = true\norigin = \"upper-left\"".to_owned()),
+    ] {
+        let profiles = profiles(material, &machine);
+        let mut job = Job::new(&profiles);
+        let cx = Cx { seed: 0, monitor: Monitor::silent() };
+        job.toolpaths = RouteStage::default().run(&job.sheets, &profiles.machine, &cx).unwrap();
+        let files = job.files(&profiles);
+        for check in verify(&files, &job.nouns(), &profiles) {
+            assert!(check.ok, "{material} {machine}: {check:?}");
+        }
+        let checks = simulate(&files, &job.nouns(), &profiles);
+        assert_eq!(checks.len(), 2, "one for each format of programs");
+        for check in checks {
+            assert!(check.ok, "{material} {machine}: {check:?}");
+            println!("{machine:?}: {} {:.4} mm, {}", check.name, check.value, check.note);
+        }
+        let program = files.iter().find(|it| it.path == "sheets/sheet-01.nc").unwrap();
+        let arcs = text(program).lines().filter(|it| it.starts_with("G2 ") || it.starts_with("G3 ")).count();
+        assert_eq!(arcs > 0, profiles.machine.arcs, "{machine}");
+    }
+    // The check can fail: without the compensation of the blade, or with a kerf that the router did not know of.
+    for (made, cut) in [
+        ("profile = \"drag-knife-a3\"\nknife.offset = 0", "profile = \"drag-knife-a3\""),
+        ("profile = \"laser-co2\"", "profile = \"laser-co2\"\ntools.cut-inside.kerf = 0.5"),
+    ] {
+        let (made, cut) = (profiles("", made), profiles("", cut));
+        let mut job = Job::new(&made);
+        let cx = Cx { seed: 0, monitor: Monitor::silent() };
+        job.toolpaths = RouteStage::default().run(&job.sheets, &made.machine, &cx).unwrap();
+        let files = job.files(&made);
+        assert!(simulate(&files, &job.nouns(), &made).iter().all(|it| it.ok));
+        assert!(simulate(&files, &job.nouns(), &cut).iter().all(|it| !it.ok));
     }
 }
 

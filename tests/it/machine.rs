@@ -198,6 +198,69 @@ fn a_job_arrives_position_by_position() {
     }
 }
 
+/// Whether strokes run along each other, however their arcs were cut into chords.
+fn along(a: &[Vec<[f64; 2]>], b: &[Vec<[f64; 2]>]) -> Result<f64, String> {
+    if a.len() != b.len() {
+        return Err(format!("{} strokes instead of {}", b.len(), a.len()));
+    }
+    let mut worst = 0.0_f64;
+    for (i, (a, b)) in a.iter().zip(b).enumerate() {
+        for (from, to) in [(a, b), (b, a)] {
+            // In order: the nearest place is never sought behind the last one.
+            let mut at = 0;
+            for p in from {
+                let near = |k: usize| segment_distance(*p, to[k], to[k + 1]);
+                let ahead = at..(at + 40).min(to.len() - 1);
+                at = ahead.min_by(|a, b| near(*a).total_cmp(&near(*b))).unwrap();
+                worst = worst.max(near(at));
+            }
+            if worst > 0.01 {
+                return Err(format!("stroke {i} is {worst:.3} mm off"));
+            }
+        }
+    }
+    Ok(worst)
+}
+
+#[test]
+fn arcs_arrive_and_are_followed() {
+    let machine = machine("drag-knife-a3", "");
+    let mut program = String::from("G21 G90 G94 G17 G54\nM3 S40\nG4 P0.15\n");
+    for i in 0..6 {
+        let (x, y) = (30.0 + 60.0 * f64::from(i), 60.0);
+        // A slot with round ends, and a swivel of a quarter of a millimetre.
+        program += &format!("G0 X{x:.3} Y{y:.3}\nM3 S90\nG4 P0.2\nG1 X{:.3} F1500\n", x + 20.0);
+        program += &format!("G3 Y{:.3} I0 J10\nG1 X{x:.3}\nG3 X{x:.3} Y{y:.3} I0 J-10\n", y + 20.0);
+        program += &format!("G2 X{:.3} Y{:.3} I0 J-0.25\nM3 S40\nG4 P0.15\n", x + 0.25, y - 0.25);
+    }
+    program += "G0 X0 Y0\nM2\n";
+    let board = board(Config::new(KNIFE));
+    let out = send(&board, &program, Run { machine: &machine, wishes: PLAIN, journal: None, hands: vec![] });
+    out.result.unwrap();
+    let worst = along(&expected(&program, &machine), &touched(&board.borrow())).unwrap();
+    println!("arcs: {worst:.4} mm between the chords of the board and of the reader");
+}
+
+/// For real jobs: `PROGRAM=sheet-01.nc MACHINE=drag-knife-a3 cargo test --test it a_given_program -- --ignored`.
+#[test]
+#[ignore = "takes its program from the variable PROGRAM"]
+fn a_given_program_arrives_position_by_position() {
+    let machine = machine(&std::env::var("MACHINE").unwrap(), "");
+    let program = std::fs::read_to_string(std::env::var("PROGRAM").unwrap()).unwrap();
+    let board = board(Config { receive: 128, ..Config::new(KNIFE) });
+    let out = send(&board, &program, Run { machine: &machine, wishes: PLAIN, journal: None, hands: vec![] });
+    out.result.unwrap_or_else(|err| panic!("{err}\n{}", &out.log[out.log.len().saturating_sub(3000)..]));
+    let board = board.borrow();
+    let want = expected(&program, &machine);
+    let worst = along(&want, &touched(&board)).unwrap();
+    let (lines, seconds) = (program.lines().count(), board.now());
+    println!(
+        "{} strokes, {lines} lines, {worst:.4} mm apart at most, {seconds:.0} s, {} pauses",
+        want.len(),
+        out.pauses.len()
+    );
+}
+
 /// The same polygons for a laser: power rides with the motion.
 fn burnt(count: usize, corners: usize, radius: f64) -> String {
     let mut text = String::from("G21 G90 G94 G17 G54\nM4 S0\n");

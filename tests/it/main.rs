@@ -8,6 +8,7 @@ mod job;
 mod machine;
 mod meshes;
 mod pieces;
+mod plain;
 mod registry;
 mod send;
 mod tidy;

@@ -117,3 +117,39 @@ fn a_killed_sender_leaves_little_motion_behind() {
     // Two seconds of motion may be on the board; the rest is the lag of this loaded computer, ten times enlarged.
     assert!(board.moved_at - at < 6.0, "{} s of motion after the kill", board.moved_at - at);
 }
+
+/// The largest memory of a running process so far, kB (VmHWM of proc(5)).
+#[cfg(target_os = "linux")]
+fn peak(child: &Child) -> Option<u64> {
+    let text = std::fs::read_to_string(format!("/proc/{}/status", child.id())).ok()?;
+    text.lines().find_map(|it| it.strip_prefix("VmHWM:")?.trim().trim_end_matches("kB").trim().parse().ok())
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_long_job_needs_little_memory() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut program = String::from("G21 G90 G94 G17 G54\nM3 S40\nG0 X10 Y10\nM3 S90\nG4 P0.2\nG1 F6000\n");
+    for k in 0..100_000 {
+        let a = f64::from(k) * 0.01;
+        program += &format!("X{:.2}Y{:.2}\n", 150.0 + 50.0 * a.cos(), 150.0 + 50.0 * a.sin());
+    }
+    std::fs::write(dir.path().join("job.nc"), program + "M3 S40\nM2\n").unwrap();
+    // A machine so fast that only the wire counts: 1.4 MB at 11 kB/s take two minutes of the board's time.
+    let mut config = Config::new(KNIFE);
+    config.settings.extend([110, 111].map(|it| (it, 600_000.0)));
+    config.settings.extend([120, 121].map(|it| (it, 1e6)));
+    let pty = PtyBoard::start(GrblBoard::new(config), 20.0);
+    let mut child = command(dir.path(), &["job.nc", "--port", &pty.port]).stderr(Stdio::null()).spawn().unwrap();
+    let mut most = 0;
+    let code = loop {
+        most = most.max(peak(&child).unwrap_or(0));
+        match child.try_wait().unwrap() {
+            Some(status) => break status.code(),
+            None => std::thread::sleep(std::time::Duration::from_millis(20)),
+        }
+    };
+    println!("100 000 lines sent with at most {most} kB");
+    assert_eq!(code, Some(0));
+    assert!(most > 0 && most < 30_000, "{most} kB");
+}

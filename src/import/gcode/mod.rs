@@ -7,7 +7,7 @@ mod program;
 mod words;
 
 use path::{Arc, Move, Point};
-pub use program::{Program, Stroke, marks, points, read_gcode};
+pub use program::{Program, Stroke, ends, marks, points, read_gcode};
 pub use words::{LineError, bare, comment};
 use words::{Word, code, known, words};
 

@@ -135,6 +135,11 @@ impl Program {
     }
 }
 
+/// The ends of all movements of a stroke.
+pub fn ends(stroke: &[Move]) -> Vec<Vec2> {
+    stroke.first().map(|it| xy(it.from)).into_iter().chain(stroke.iter().map(|it| xy(it.to))).collect()
+}
+
 /// The ends of all movements of a stroke with the middles of its arcs.
 pub fn marks(stroke: &[Move]) -> Vec<Vec2> {
     let mut out: Vec<Vec2> = stroke.first().map(|it| xy(it.from)).into_iter().collect();

@@ -2,7 +2,9 @@
 //! faults that can be switched on. [`SimWire`] joins a board and a sender in one simulated time; [`pty::PtyBoard`] puts
 //! it behind a pseudo-terminal.
 #![allow(clippy::unwrap_used, reason = "a test that panics is a test that fails")]
+pub(crate) mod cutter;
 pub(crate) mod grbl;
+pub(crate) mod marlin;
 pub(crate) mod pty;
 
 use std::{cell::RefCell, rc::Rc};

@@ -1,0 +1,369 @@
+//! Marlin boards and HPGL cutters in simulated time: whole jobs, faults, flow control, resume.
+#![allow(clippy::unwrap_used, reason = "a test that panics is a test that fails")]
+use std::{cell::RefCell, path::Path, rc::Rc};
+
+use fabricate::{
+    machine::{
+        hpgl::Hpgl,
+        job::{self, Wishes},
+        marlin::Marlin,
+        plain,
+        protocol::{Event, Fault, Line, Protocol},
+        session::{Operator, SendError, Session, Wish},
+    },
+    profile::{Flow, Machine},
+};
+
+use crate::{
+    board::{Device, Dice, SimWire, cutter::Cutter, marlin::MarlinBoard},
+    machine::{expected, machine, polygons, same},
+};
+
+/// Aborts when the board has come to a time.
+struct Stop<D: Device> {
+    board: Rc<RefCell<D>>,
+    at: f64,
+}
+
+impl<D: Device> Operator for Stop<D> {
+    fn wish(&mut self) -> Option<Wish> {
+        let due = self.board.borrow().now() >= self.at;
+        due.then(|| {
+            self.at = f64::INFINITY;
+            Wish::Abort
+        })
+    }
+    fn event(&mut self, _: &Event) {}
+    fn progress(&mut self, _: f64) {}
+    fn paused(&mut self, _: &str) {}
+}
+
+type Sent = (Result<(), SendError>, Vec<String>);
+
+fn to_marlin(
+    board: &Rc<RefCell<MarlinBoard>>,
+    text: &str,
+    machine: &Machine,
+    wishes: Wishes,
+    journal: Option<&Path>,
+    stop: f64,
+) -> Sent {
+    let mut operator = Stop { board: board.clone(), at: stop };
+    let mut told = Vec::new();
+    let protocol = Marlin::new(plain::marlin_options(machine));
+    let mut session = Session::new(SimWire::new(board), protocol, &mut operator, None);
+    let program = job::read(text.to_owned(), machine).unwrap();
+    let result = session
+        .prepare(wishes)
+        .and_then(|()| session.perform_plain(&program, machine, wishes, journal, &mut |it| told.push(it.to_owned())));
+    drop(session);
+    (result, told)
+}
+
+fn to_cutter(
+    board: &Rc<RefCell<Cutter>>,
+    text: &str,
+    machine: &Machine,
+    wishes: Wishes,
+    journal: Option<&Path>,
+    stop: f64,
+) -> Sent {
+    let mut operator = Stop { board: board.clone(), at: stop };
+    let mut told = Vec::new();
+    let protocol = Hpgl::new(plain::hpgl_options(machine));
+    let mut session = Session::new(SimWire::new(board), protocol, &mut operator, None);
+    let program = plain::read_plot(text, machine).unwrap();
+    let result = session
+        .prepare(wishes)
+        .and_then(|()| session.perform_plain(&program, machine, wishes, journal, &mut |it| told.push(it.to_owned())));
+    drop(session);
+    (result, told)
+}
+
+const PLAIN: Wishes = Wishes { unlock: false, home: false, zero: false, check: false, frame: false, resume: false };
+
+fn marlin() -> Machine {
+    machine("drag-knife-a3", "dialect = \"marlin\"")
+}
+
+/// The polygons in Marlin's words.
+fn marlin_polygons(count: usize) -> String {
+    let text = polygons(count, 12, 12.0).replace("G21 G90 G94 G17 G54", "G21\nG90");
+    text.replace("M3 S", "M400\nM280 P0 S").replace("G4 P", "G4 S").replace("M2\n", "M400\n")
+}
+
+fn fresh() -> Rc<RefCell<MarlinBoard>> {
+    Rc::new(RefCell::new(MarlinBoard::new()))
+}
+
+#[test]
+fn a_marlin_job_arrives_position_by_position_over_a_bad_cable_too() {
+    let (machine, program) = (marlin(), marlin_polygons(8));
+    let want = expected(&program, &machine);
+    assert_eq!(want.len(), 8);
+    let board = fresh();
+    to_marlin(&board, &program, &machine, PLAIN, None, f64::INFINITY).0.unwrap();
+    let whole = board.borrow().received;
+    same(&want, &board.borrow().strokes).unwrap();
+    assert!(!board.borrow().down && !board.borrow().moving());
+    assert_eq!(board.borrow().early, 0, "the servo waits for the head");
+    let mut dice = Dice::new(3);
+    let board = fresh();
+    // Each line has a checksum, so what is damaged is sent again; the questions at the start are left alone.
+    board.borrow_mut().faults.garbled = (0..20).map(|_| 80 + dice.below(whole - 80)).collect();
+    to_marlin(&board, &program, &machine, PLAIN, None, f64::INFINITY).0.unwrap();
+    let board = board.borrow();
+    same(&want, &board.strokes).unwrap();
+    println!("20 garbled bytes, {} lines sent again", board.resends);
+    assert!(board.resends >= 10, "{}", board.resends);
+}
+
+#[test]
+fn an_answer_lost_by_a_marlin_board_is_asked_for_again_and_nothing_is_cut_twice() {
+    let (machine, program) = (marlin(), marlin_polygons(3));
+    let want = expected(&program, &machine);
+    let mut dice = Dice::new(31);
+    for _ in 0..20 {
+        let board = fresh();
+        board.borrow_mut().faults.lost_ok = Some(8 + dice.below(50));
+        to_marlin(&board, &program, &machine, PLAIN, None, f64::INFINITY).0.unwrap();
+        same(&want, &board.borrow().strokes).unwrap();
+        assert!(board.borrow().resends >= 1);
+    }
+}
+
+#[test]
+fn marlin_faults_end_with_the_tool_up_and_a_message() {
+    let (machine, program) = (marlin(), marlin_polygons(6));
+    let (begin, end) = {
+        let board = fresh();
+        to_marlin(&board, &program, &machine, PLAIN, None, f64::INFINITY).0.unwrap();
+        let board = board.borrow();
+        (board.switched[0], *board.switched.last().unwrap())
+    };
+    let mut dice = Dice::new(5);
+    let mut latest = 0.0_f64;
+    for round in 0..20 {
+        let at = begin + dice.share() * (end - begin);
+        for (name, words) in [
+            ("interrupt", "stopped on request"),
+            ("reset", "reset itself"),
+            ("killed", "Printer halted"),
+            ("unplugged", "the connection broke off"),
+        ] {
+            let board = fresh();
+            {
+                let faults = &mut board.borrow_mut().faults;
+                match name {
+                    "reset" => faults.reset_at = Some(at),
+                    "killed" => faults.killed_at = Some((at, "Error:Printer halted. kill() called!")),
+                    "unplugged" => faults.unplug_at = Some(at),
+                    _ => {}
+                }
+            }
+            let stop = if name == "interrupt" { at } else { f64::INFINITY };
+            let dir = tempfile::tempdir().unwrap();
+            let journal = dir.path().join("job.journal");
+            let (result, _) = to_marlin(&board, &program, &machine, PLAIN, Some(&journal), stop);
+            let Err(SendError::Fault { fault, aborted }) = result else { panic!("{name} {round}: {result:?}") };
+            assert!(fault.to_string().contains(words), "{name}: {fault}");
+            if name == "unplugged" {
+                continue;
+            }
+            assert!(!board.borrow().down && !board.borrow().moving(), "{name} {round}");
+            if name == "interrupt" {
+                assert!(aborted.tool_off, "{round}");
+                latest = latest.max(board.borrow().switched.last().unwrap() - at);
+            }
+            if name == "interrupt" {
+                let wishes = Wishes { resume: true, zero: true, ..PLAIN };
+                board.borrow_mut().faults = Default::default();
+                // Whoever sets the zero brings the head there first.
+                let (refused, _) = to_marlin(
+                    &board,
+                    &program,
+                    &machine,
+                    Wishes { resume: true, ..PLAIN },
+                    Some(&journal),
+                    f64::INFINITY,
+                );
+                assert!(matches!(refused, Err(SendError::Refused(_))), "{name}: {refused:?}");
+                let again = fresh();
+                let (result, told) = to_marlin(&again, &program, &machine, wishes, Some(&journal), f64::INFINITY);
+                result.unwrap_or_else(|err| panic!("{name}: {err}"));
+                let want = expected(&program, &machine);
+                let done: usize = told[0].split(' ').next().unwrap().parse().unwrap();
+                let (first, second) = (board.borrow(), again.borrow());
+                for (i, want) in want.iter().enumerate() {
+                    let cut = |it: &[Vec<[f64; 2]>]| {
+                        it.iter()
+                            .filter(|it| same(std::slice::from_ref(want), std::slice::from_ref(it)).is_ok())
+                            .count()
+                    };
+                    assert_eq!(cut(&second.strokes), usize::from(i >= done), "{name}: contour {i}, {done} done");
+                    assert!(i >= done || cut(&first.strokes) == 1, "{name}: contour {i} was not done");
+                }
+            }
+        }
+    }
+    println!("marlin: tool up {latest:.2} s after an interrupt at the latest");
+    assert!(latest < 2.5, "{latest}");
+}
+
+fn plot(count: usize) -> String {
+    let units = |it: f64| (it * 40.0).round();
+    let mut text = String::from("IN;PA;SP1;");
+    for i in 0..count {
+        let (cx, cy) = (30.0 + 40.0 * (i % 6) as f64, 30.0 + 40.0 * (i / 6) as f64);
+        for k in 0..=24 {
+            let a = k as f64 / 24.0 * std::f64::consts::TAU;
+            let (x, y) = (units(cx + 12.0 * a.cos()), units(cy + 12.0 * a.sin()));
+            text += &format!("{}{x},{y};", if k == 0 { "PU" } else { "PD" });
+        }
+    }
+    text + "PU;SP0;"
+}
+
+fn cutter_machine(flow: &str) -> Machine {
+    machine("drag-knife-a3", &format!("link.flow = \"{flow}\"\nformats = [\"hpgl\"]"))
+}
+
+/// The strokes of a plot as they are meant.
+fn meant(text: &str) -> Vec<Vec<[f64; 2]>> {
+    let drawing = fabricate::import::read_hpgl(text).unwrap();
+    let closed = |it: &fabricate::import::DrawnLine| {
+        let points = it.points.iter().chain(it.closed.then(|| &it.points[0]));
+        points.map(|p| [p.x, p.y]).collect()
+    };
+    drawing.lines.iter().map(closed).collect()
+}
+
+#[test]
+fn plots_arrive_whole_under_every_flow_control() {
+    let text = plot(8);
+    let want = meant(&text);
+    for (name, flow, size, slower) in
+        [("none", Flow::None, 1024, 1.15), ("xon-xoff", Flow::XonXoff, 128, 2.0), ("esc-b", Flow::EscB, 128, 2.0)]
+    {
+        let machine = cutter_machine(name);
+        let board = Rc::new(RefCell::new(Cutter::new(flow, size).slower(slower)));
+        let (result, _) = to_cutter(&board, &text, &machine, PLAIN, None, f64::INFINITY);
+        result.unwrap_or_else(|err| panic!("{name}: {err}"));
+        let board = board.borrow();
+        assert_eq!(board.overrun, 0, "{name}: bytes were lost, {} in the buffer", board.fullest);
+        same(&want, &board.strokes).unwrap_or_else(|err| panic!("{name}: {err}"));
+        assert!(!board.down && !board.busy(), "{name}: the port was closed while the cutter still worked");
+    }
+}
+
+#[test]
+fn a_stopped_cutter_lifts_its_tool() {
+    let text = plot(8);
+    for (name, flow) in [("xon-xoff", Flow::XonXoff), ("esc-b", Flow::EscB), ("none", Flow::None)] {
+        let machine = cutter_machine(name);
+        let mut dice = Dice::new(23);
+        let mut latest = 0.0_f64;
+        for round in 0..20 {
+            let at = 2.0 + dice.share() * 20.0;
+            let board = Rc::new(RefCell::new(Cutter::new(flow, 256)));
+            let dir = tempfile::tempdir().unwrap();
+            let journal = dir.path().join("job.journal");
+            let (result, _) = to_cutter(&board, &text, &machine, PLAIN, Some(&journal), at);
+            let Err(SendError::Fault { fault: Fault::Interrupted, aborted }) = result else {
+                panic!("{name} {round}: {result:?}")
+            };
+            // Only a cutter that answers can confirm it.
+            assert_eq!(aborted.tool_off, flow == Flow::EscB, "{name} {round}");
+            assert!(!board.borrow().down && !board.borrow().busy(), "{name} {round}");
+            latest = latest.max(board.borrow().switched.last().unwrap() - at);
+            // What is surely done is not cut again.
+            let again = Rc::new(RefCell::new(Cutter::new(flow, 256)));
+            let (result, told) =
+                to_cutter(&again, &text, &machine, Wishes { resume: true, ..PLAIN }, Some(&journal), f64::INFINITY);
+            result.unwrap_or_else(|err| panic!("{name} {round}: {err}"));
+            let done: usize = told[0].split(' ').next().unwrap().parse().unwrap();
+            let want = meant(&text);
+            same(&want[done..], &again.borrow().strokes).unwrap_or_else(|err| panic!("{name} {round}: {err}"));
+            let first = board.borrow();
+            assert!(done <= first.strokes.len(), "{name} {round}");
+            same(&want[..done], &first.strokes[..done]).unwrap_or_else(|err| panic!("{name} {round}: not done: {err}"));
+            assert!(flow == Flow::EscB || done == 0, "without answers nothing is sure");
+        }
+        println!("{name}: tool up {latest:.2} s after an interrupt at the latest");
+        // A cutter ends the movement that it is in.
+        assert!(latest < 0.5, "{name}: {latest}");
+    }
+}
+
+#[test]
+fn a_deaf_cutter_is_said() {
+    let machine = cutter_machine("esc-b");
+    let board = Rc::new(RefCell::new(Cutter::new(Flow::EscB, 256).deaf_from(0.0)));
+    let text = to_cutter(&board, &plot(2), &machine, PLAIN, None, f64::INFINITY).0.unwrap_err().to_string();
+    assert!(text.contains("nothing answers"), "{text}");
+    let board = Rc::new(RefCell::new(Cutter::new(Flow::EscB, 256).deaf_from(4.0)));
+    let text = to_cutter(&board, &plot(8), &machine, PLAIN, None, f64::INFINITY).0.unwrap_err().to_string();
+    assert!(text.contains("has not said anything"), "{text}");
+}
+
+#[test]
+fn jobs_that_leave_the_bed_are_refused_before_a_byte_of_them_is_sent() {
+    let machine = cutter_machine("none");
+    let board = Rc::new(RefCell::new(Cutter::new(Flow::None, 256)));
+    let result = to_cutter(&board, "IN;PA;SP1;PU0,0;PD40000,0;PU;", &machine, PLAIN, None, f64::INFINITY).0;
+    assert!(matches!(&result, Err(SendError::Refused(text)) if text[0].contains("X1000.00")), "{result:?}");
+    assert!(board.borrow().strokes.is_empty() && board.borrow().fullest == 0);
+    let board = fresh();
+    let result =
+        to_marlin(&board, "G21\nG90\nG0 X500\nM280 P0 S90\nG1 Y10 F500\n", &marlin(), PLAIN, None, f64::INFINITY).0;
+    assert!(matches!(result, Err(SendError::Refused(_))), "{result:?}");
+    assert!(board.borrow().strokes.is_empty());
+}
+
+/// Random bytes instead of a machine: never a panic.
+#[test]
+fn no_bytes_from_a_wire_make_them_panic() {
+    let pieces: [&[u8]; 14] = [
+        b"ok\n",
+        b"start\n",
+        b"Resend: 4\n",
+        b"rs \n",
+        b"Error:checksum mismatch\n",
+        b"Error:x\n",
+        b"echo:busy: processing\n",
+        b"X:1 Y:nan Z:\n",
+        b"X:1.0 Y:2.0 Z:3.0 E:0\n",
+        b"123\r",
+        b"99999999999\r",
+        b"\x13",
+        b"\x11",
+        b"\xff\xfe\x00\n",
+    ];
+    fn fuzz(mut it: impl Protocol, pieces: &[&[u8]], seed: u64) {
+        let mut dice = Dice::new(seed);
+        let mut now = 0.0;
+        for k in 0..400 {
+            now += dice.share();
+            it.tick(now);
+            let mut bytes = Vec::new();
+            for _ in 0..dice.below(4) {
+                match dice.below(6) {
+                    0 => bytes.push((dice.next() & 0xff) as u8),
+                    _ => bytes.extend_from_slice(pieces[dice.below(pieces.len())]),
+                }
+            }
+            it.receive(now, &bytes);
+            let line = Line { index: Some(k), text: "G1X1F100".into(), seconds: 0.1, ..Line::default() };
+            if it.can_take(&line) {
+                it.push(now, line);
+            }
+            while it.event().is_some() {}
+            let _ = (it.output(), it.at_rest(), it.ahead(), it.done());
+        }
+    }
+    for seed in 0..200 {
+        fuzz(Marlin::new(plain::marlin_options(&marlin())), &pieces, seed);
+        fuzz(Hpgl::new(plain::hpgl_options(&cutter_machine("esc-b"))), &pieces, seed);
+        fuzz(Hpgl::new(plain::hpgl_options(&cutter_machine("xon-xoff"))), &pieces, seed);
+    }
+}
