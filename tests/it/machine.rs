@@ -210,8 +210,10 @@ fn along(a: &[Vec<[f64; 2]>], b: &[Vec<[f64; 2]>]) -> Result<f64, String> {
             let mut at = 0;
             for p in from {
                 let near = |k: usize| segment_distance(*p, to[k], to[k + 1]);
-                let ahead = at..(at + 40).min(to.len() - 1);
-                at = ahead.min_by(|a, b| near(*a).total_cmp(&near(*b))).unwrap();
+                // The first that is near enough, so that a line which comes by again is not taken for its later self.
+                let ahead = at..to.len() - 1;
+                let first = ahead.clone().find(|k| near(*k) < 0.01);
+                at = first.unwrap_or_else(|| ahead.min_by(|a, b| near(*a).total_cmp(&near(*b))).unwrap());
                 worst = worst.max(near(at));
             }
             if worst > 0.01 {
