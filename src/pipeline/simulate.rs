@@ -30,7 +30,7 @@ const SAMPLE: f64 = 0.5;
 /// Steps of a trailing blade, mm.
 const STEP: f64 = 0.1;
 /// Where webs are meant, a contour farther than this from the cut is one, mm.
-const WEB: f64 = 0.1;
+const WEB: f64 = 0.03;
 
 /// One check per format of programs, `cut.gcode` and `cut.hpgl`: the programs as they were read back, carried out with the
 /// tool of the machine, against the contours of the layout.

@@ -7,8 +7,10 @@ const CORNER: f64 = 10.0 * std::f64::consts::PI / 180.0;
 const TRIALS: usize = 24;
 /// A contour is at least this many gaps long for every bridge in it.
 const SPARSE: f64 = 4.0;
-/// Checked points of a lead.
-const CHECKED: usize = 8;
+/// Share of a lead at the contact that is not looked at: there it runs along the cut.
+const CONTACT: f64 = 0.05;
+/// Least step along a lead, mm, so that the search ends.
+const LEAST_STEP: f64 = 1e-3;
 
 /// Webs left standing in a through cut.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,8 +42,8 @@ pub(super) fn beside(contour: &[Vec2], kerf: f64) -> Vec<Vec<Vec2>> {
     ways
 }
 
-/// Quarter circles into and out of a closed path from its right, as large as the waste allows, at most of `radius`. All
-/// of a lead stays `kerf / 2` and half of its distance from the path away from every contour of the sheet.
+/// Quarter circles into and out of a closed path from its right, as large as the waste allows, at most of `radius`. A
+/// lead stays `kerf / 2` and half of its distance from the path away from every contour of the sheet.
 pub(super) fn leads(path: &ArcPath, radius: f64, kerf: f64, contours: &SegmentTree) -> Option<(ArcPath, ArcPath)> {
     let end = path.bulges.len() - 1;
     let at = path.points[0];
@@ -54,20 +56,26 @@ pub(super) fn leads(path: &ArcPath, radius: f64, kerf: f64, contours: &SegmentTr
             ArcPath { points: vec![at, center + direction * r], bulges: vec![quarter] }
         }
     };
+    // From the free end towards the contact, never farther than the nearest contour: nothing can be stepped over.
     let clear = |it: &ArcPath, r: f64, inward: bool| {
-        (1..=CHECKED).all(|k| {
-            let angle = std::f64::consts::FRAC_PI_2 * k as f64 / CHECKED as f64;
-            let length = r * angle;
-            let p = if inward {
-                it.part(0.0, it.length() - length).points.last().copied()
-            } else {
-                it.part(0.0, length).points.last().copied()
+        let length = it.length();
+        let mut along = 0.0;
+        while along < (1.0 - CONTACT) * length {
+            let p = match inward {
+                true => it.part(along, length).points.first().copied(),
+                false => it.part(0.0, length - along).points.last().copied(),
             };
-            // The start of an inward lead is left over when nothing of it remains.
-            let p = p.unwrap_or(it.points[0]);
+            let Some(p) = p else { return true };
+            let angle = (length - along) / r;
             let needed = kerf / 2.0 + r * (1.0 - angle.cos()) / 2.0;
-            contours.nearest(p).is_none_or(|(_, near)| (near - p).norm() >= needed - 1e-9)
-        })
+            let Some((_, near)) = contours.nearest(p) else { return true };
+            let distance = (near - p).norm();
+            if distance < needed - 1e-9 {
+                return false;
+            }
+            along += distance.max(LEAST_STEP);
+        }
+        true
     };
     let (first, last) = (path.directions(0).0, path.directions(end).1);
     [1.0, 0.5, 0.25].into_iter().find_map(|share| {
