@@ -22,12 +22,12 @@ use crate::{
     geom::{
         Vec2,
         arcs::{ArcPath, fit},
-        segment_tree::SegmentTree,
     },
     model::{Operation, Part, SheetPaths, Sheets, Toolpath, Toolpaths},
     numeric::{Cancelled, Monitor},
 };
 use order::{Item, Visit};
+use shape::Waste;
 
 /// Ends of open lines nearer than this are the same point, and the tool stays down from one line to the next, mm.
 const JOIN: f64 = 1e-3;
@@ -114,8 +114,7 @@ pub fn route(sheets: &Sheets, options: &Options, monitor: &Monitor) -> Result<To
     for (number, sheet) in sheets.sheets.iter().enumerate() {
         monitor.progress(number as f64 / sheets.sheets.len() as f64, &format!("sheet {}", number + 1));
         let lines = lines(&sheet.parts, options, &mut job.uncompensated);
-        let waste =
-            SegmentTree::of_contours(&sheet.parts.iter().flat_map(|it| it.contours.clone()).collect::<Vec<_>>());
+        let waste = Waste::of(&sheet.parts);
         let home = sheet.size.component_mul(&options.home);
         let mut paths: Vec<Toolpath> = Vec::new();
         let mut at = home;
@@ -268,7 +267,7 @@ fn join(walked: Vec<Way>) -> Vec<Way> {
 
 /// A way in all its passes, with leads and webs, led by the blade's axis where a blade does it. Passes of one depth
 /// follow each other without a lift where the way is closed; open ways are run to and fro, except by a blade.
-fn run(way: &Way, tool: &Tool, mut knife: Option<(Knife, &mut Option<Vec2>)>, waste: &SegmentTree) -> Vec<Toolpath> {
+fn run(way: &Way, tool: &Tool, mut knife: Option<(Knife, &mut Option<Vec2>)>, waste: &Waste<'_>) -> Vec<Toolpath> {
     let drags = knife.is_some();
     let leads = (way.closed && tool.lead > 0.0 && !drags)
         .then(|| shape::leads(&way.path, tool.lead, tool.kerf, waste))

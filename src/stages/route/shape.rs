@@ -1,5 +1,8 @@
 //! The shape of a cut: beside the outline by half its width, entered and left from the waste, with webs left standing.
-use crate::geom::{Vec2, arcs::ArcPath, boolean::offset, segment_tree::SegmentTree, signed_area};
+use crate::{
+    geom::{Vec2, arcs::ArcPath, boolean::offset, polygon::contains, segment_tree::SegmentTree, signed_area},
+    model::Part,
+};
 
 /// Turns beyond this make a corner, which bridges keep away from, radians.
 const CORNER: f64 = 10.0 * std::f64::consts::PI / 180.0;
@@ -23,6 +26,22 @@ pub struct Bridges {
     pub below: f64,
 }
 
+/// What a sheet leaves over: all that is not inside a part.
+pub(super) struct Waste<'a> {
+    /// The contours of all parts.
+    pub(super) contours: SegmentTree,
+    /// The parts.
+    pub(super) parts: &'a [Part],
+}
+
+impl<'a> Waste<'a> {
+    /// Of the parts of a sheet.
+    pub(super) fn of(parts: &'a [Part]) -> Self {
+        let contours: Vec<Vec<Vec2>> = parts.iter().flat_map(|it| it.contours.iter().cloned()).collect();
+        Self { contours: SegmentTree::of_contours(&contours), parts }
+    }
+}
+
 /// The ways of the tool for a contour, so that the cut of width `kerf` lies in the waste. Outlines run counter-clockwise,
 /// holes clockwise, and so do the results: the waste is on the right. Empty where a hole is narrower than the cut.
 pub(super) fn beside(contour: &[Vec2], kerf: f64) -> Vec<Vec<Vec2>> {
@@ -44,7 +63,7 @@ pub(super) fn beside(contour: &[Vec2], kerf: f64) -> Vec<Vec<Vec2>> {
 
 /// Quarter circles into and out of a closed path from its right, as large as the waste allows, at most of `radius`. A
 /// lead stays `kerf / 2` and half of its distance from the path away from every contour of the sheet.
-pub(super) fn leads(path: &ArcPath, radius: f64, kerf: f64, contours: &SegmentTree) -> Option<(ArcPath, ArcPath)> {
+pub(super) fn leads(path: &ArcPath, radius: f64, kerf: f64, waste: &Waste<'_>) -> Option<(ArcPath, ArcPath)> {
     let end = path.bulges.len() - 1;
     let at = path.points[0];
     let quarter = -(std::f64::consts::PI / 8.0).tan();
@@ -56,9 +75,13 @@ pub(super) fn leads(path: &ArcPath, radius: f64, kerf: f64, contours: &SegmentTr
             ArcPath { points: vec![at, center + direction * r], bulges: vec![quarter] }
         }
     };
-    // From the free end towards the contact, never farther than the nearest contour: nothing can be stepped over.
+    // The free end lies in no part, and from there to the contact, never farther than the nearest contour: nothing can be stepped over.
     let clear = |it: &ArcPath, r: f64, inward: bool| {
         let length = it.length();
+        let free = if inward { it.points[0] } else { it.points[1] };
+        if waste.parts.iter().any(|part| contains(&part.contours, free)) {
+            return false;
+        }
         let mut along = 0.0;
         while along < (1.0 - CONTACT) * length {
             let p = match inward {
@@ -68,7 +91,7 @@ pub(super) fn leads(path: &ArcPath, radius: f64, kerf: f64, contours: &SegmentTr
             let Some(p) = p else { return true };
             let angle = (length - along) / r;
             let needed = kerf / 2.0 + r * (1.0 - angle.cos()) / 2.0;
-            let Some((_, near)) = contours.nearest(p) else { return true };
+            let Some((_, near)) = waste.contours.nearest(p) else { return true };
             let distance = (near - p).norm();
             if distance < needed - 1e-9 {
                 return false;
@@ -149,9 +172,11 @@ mod tests {
     #[test]
     fn leads_come_from_the_waste_and_shrink_where_there_is_little() {
         let contour = square(20.0);
-        let tree = SegmentTree::of_contours(std::slice::from_ref(&contour));
+        let part = |contour: &Vec<Vec2>| Part { name: "A".into(), contours: vec![contour.clone()], marks: vec![] };
+        let parts = [part(&contour)];
+        let waste = Waste::of(&parts);
         let path = crate::geom::arcs::fit(&beside(&contour, 0.2)[0], true, 0.005, 0.01);
-        let (into, out) = leads(&path, 2.0, 0.2, &tree).unwrap();
+        let (into, out) = leads(&path, 2.0, 0.2, &waste).unwrap();
         assert_eq!(into.points[1], path.points[0]);
         assert_eq!(out.points[0], path.points[0]);
         for lead in [&into, &out] {
@@ -162,9 +187,13 @@ mod tests {
         }
         let (direction, _) = path.directions(0);
         assert!((into.directions(0).1 - direction).norm() < 1e-9, "tangent to the cut");
-        let wall: Vec<Vec2> = contour.iter().map(|p| (p - Vec2::repeat(10.0)) * 1.06 + Vec2::repeat(10.0)).collect();
-        let tight = SegmentTree::of_contours(&[contour, wall]);
-        let shorter = leads(&path, 2.0, 0.2, &tight);
+        // A frame around it leaves six tenths of a millimetre.
+        let mut hole: Vec<Vec2> =
+            contour.iter().map(|p| (p - Vec2::repeat(10.0)) * 1.06 + Vec2::repeat(10.0)).collect();
+        hole.reverse();
+        let frame: Vec<Vec2> = contour.iter().map(|p| (p - Vec2::repeat(10.0)) * 1.5 + Vec2::repeat(10.0)).collect();
+        let parts = [part(&contour), Part { contours: vec![frame, hole], ..part(&contour) }];
+        let shorter = leads(&path, 2.0, 0.2, &Waste::of(&parts));
         assert!(shorter.is_none_or(|it| it.0.length() < 0.6 * into.length()));
     }
 
