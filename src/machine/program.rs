@@ -389,7 +389,8 @@ pub fn preamble(state: &State, sense: Sense, decimals: usize, dialect: Dialect) 
     }
     let mut modes = String::new();
     if state.feed > 0.0 && !state.inverse_time {
-        modes += &format!("F{:.3}", state.feed);
+        // Marlin knows no line of a feed alone; G1 without axes sets it.
+        modes += &format!("{}F{:.3}", if marlin { "G1" } else { "" }, state.feed);
     }
     if state.inches {
         modes += "G20";
