@@ -18,6 +18,11 @@ fn load(name: &str, fill_holes: usize, components: Components) -> Result<(TriMes
     repair(&soup, &RepairOptions { fill_holes, components }).map_err(|it| it.to_string())
 }
 
+/// A fixture that needs no repair.
+pub(crate) fn good(name: &str) -> TriMesh {
+    load(name, 0, Components::One).unwrap().0
+}
+
 #[test]
 fn good_fixtures_need_no_repair_and_have_their_topology() {
     // Boundary loops, genus, height in mm.
