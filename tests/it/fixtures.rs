@@ -47,7 +47,7 @@ fn good_fixtures_need_no_repair_and_have_their_topology() {
         let size = mesh.bounds().size();
         assert!((size.y - height).abs() < 0.15 * height, "{name} is {} mm high", size.y);
         let smallest = mesh.halfedges().map(|h| mesh.corner_angle(h)).fold(f64::INFINITY, f64::min).to_degrees();
-        assert!(smallest > 4.5, "{name}: smallest angle {smallest}°");
+        assert!(smallest > 5.0, "{name}: smallest angle {smallest}°");
     }
 }
 
