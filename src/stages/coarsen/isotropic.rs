@@ -3,8 +3,10 @@
 //! Botsch, Kobbelt: A remeshing approach to multiresolution modeling, SGP 2004, section 4, with a target length that
 //! varies (Dunyach et al.: Adaptive remeshing for real-time mesh deformation, Eurographics 2013). Here the length is uniform
 //! at first and lowered where a tolerance keeps edges from growing.
+mod correct;
+
 use super::{
-    CoarsenError, smallest_angle,
+    CoarsenError,
     source::{Kind, Source, Spot},
     tolerance::{Test, Tolerance},
 };
@@ -41,16 +43,6 @@ const COLLAPSE: Guard = Guard { min_cosine: 0.3, min_quality: 0.3, min_fold: -0.
 const MOVE: Guard = Guard { min_cosine: 0.5, min_quality: 0.55, min_fold: -0.3 };
 /// Share of the error allowed that edits may use: they only look at samples.
 const SLACK: f64 = 0.85;
-/// Faces with a smaller angle are mended if possible, radians (20°).
-const THIN: f64 = 0.35;
-/// Cosine of the angle between two faces that are folded over: 120°.
-const FOLD: f64 = -0.5;
-/// Attempts to mend what is not as it should be after all, with shorter edges there, and rounds in each.
-const CORRECTIONS: usize = 3;
-const CORRECTION_ROUNDS: usize = 2;
-/// Share of the error allowed given up so that the search for what is too far off ends.
-const RESOLUTION: f64 = 0.02;
-
 /// What to aim for.
 pub(super) struct Target {
     /// Edge length, mm.
@@ -59,29 +51,6 @@ pub(super) struct Target {
     pub(super) faces: Option<usize>,
     /// Dihedral angle of creases, radians.
     pub(super) feature_angle: f64,
-}
-
-/// What is wrong with a mesh.
-#[derive(Debug, Clone, Copy)]
-struct Faults {
-    /// Largest distance over the one allowed, at least 1.
-    excess: f64,
-    /// Number of faces that look the other way than the source, or are folded over.
-    turned: usize,
-    /// Number of thin faces.
-    thin: usize,
-}
-
-impl Faults {
-    fn none(&self) -> bool {
-        self.turned == 0 && self.excess <= 1.0 && self.thin == 0
-    }
-
-    /// The distance counts most, and thin faces least.
-    fn less_than(&self, other: &Self) -> bool {
-        let excess = self.excess.total_cmp(&other.excess);
-        excess.then(self.turned.cmp(&other.turned)).then(self.thin.cmp(&other.thin)).is_lt()
-    }
 }
 
 struct Remesher<'a, 'm> {
@@ -158,60 +127,6 @@ impl Remesher<'_, '_> {
         self.flip_for_shape()
     }
 
-    /// Shortens edges where the surfaces are farther apart than `max_error`, faces turned over or thin, until there is none or
-    /// the attempts are used up. The best mesh on the way.
-    fn correct(&mut self, max_error: f64, finest: f64) -> Result<TriMesh, CoarsenError> {
-        let mut best: Option<(Faults, TriMesh)> = None;
-        for attempt in 0..=CORRECTIONS {
-            let mesh = self.mesh.finish()?;
-            let find = |from: &TriMesh, to: &Bvh| violations(from, to, max_error, RESOLUTION, self.monitor);
-            let there = find(self.source.mesh, &Bvh::new(&mesh))?;
-            let back = find(&mesh, self.source.bvh)?;
-            let (turned, thin) = self.misshapen(&mesh);
-            let worst = there.iter().chain(&back).map(|it| it.distance).fold(0.0, f64::max);
-            // Violations are farther than `1 - RESOLUTION` times the limit, which is so little too far that it is one.
-            let excess = (worst / (1.0 - RESOLUTION) / max_error).max(1.0);
-            let faults = Faults { excess, turned: turned.len(), thin: thin.len() };
-            if best.as_ref().is_none_or(|it| faults.less_than(&it.0)) {
-                best = Some((faults, mesh));
-            }
-            if faults.none() || attempt == CORRECTIONS {
-                break;
-            }
-            if let Some(tolerance) = &mut self.tolerance {
-                let faces: Vec<FaceId> = self.mesh.faces().collect();
-                for it in &there {
-                    tolerance.add(it.point, faces[it.closest.index()]);
-                }
-            }
-            let far = there.iter().map(|it| it.face).chain(back.iter().map(|it| it.closest));
-            let wishes: Vec<_> = far.chain(turned).chain(thin).map(|face| (face, 0.0)).collect();
-            self.lower_sizes(&wishes, finest);
-            for _ in 0..CORRECTION_ROUNDS {
-                self.round()?;
-            }
-            self.polish()?;
-        }
-        Ok(best.expect("there is at least one attempt").1)
-    }
-
-    /// The faces of the source next to faces that look the other way or are folded over, and next to thin ones.
-    fn misshapen(&self, mesh: &TriMesh) -> (Vec<FaceId>, Vec<FaceId>) {
-        let (mut turned, mut thin) = (Vec::new(), Vec::new());
-        for f in mesh.faces() {
-            let near = self.source.bvh.closest(mesh.face_positions(f).iter().sum::<Vec3>() / 3.0).face;
-            let folded = |h| mesh.dihedral_cosine(mesh.edge(h)).is_some_and(|it| it < FOLD);
-            if mesh.normal(f).dot(&self.source.mesh.normal(near)) < 0.0
-                || mesh.face_halfedges(f).into_iter().any(folded)
-            {
-                turned.push(near);
-            } else if smallest_angle(mesh, f) < THIN {
-                thin.push(near);
-            }
-        }
-        (turned, thin)
-    }
-
     /// Takes out vertices of three faces, which are flat or peaks: the three become one.
     fn remove_peaks(&mut self) {
         for v in self.mesh.vertices().collect::<Vec<_>>() {
@@ -272,22 +187,27 @@ impl Remesher<'_, '_> {
             }
             long.sort_by(|x, y| y.0.total_cmp(&x.0).then(x.1.cmp(&y.1)));
             for (_, h) in long {
-                let (a, b) = (self.mesh.tail(h), self.mesh.head(h));
+                let [a, b] = [self.mesh.tail(h), self.mesh.head(h)].map(|v| self.mesh.position(v));
                 let kind = if self.is_curve(h) { Kind::Curve } else { Kind::Free };
-                let faces = [Some(h), self.mesh.twin(h)].map(|side| side.map(|side| self.mesh.face(side)));
-                let middle = self.mesh.split(h, (self.mesh.position(a) + self.mesh.position(b)) / 2.0);
-                if let Some(tolerance) = &mut self.tolerance {
-                    // The halves that were cut off are the other faces around the new vertex.
-                    let around: Vec<FaceId> = self.mesh.outgoing(middle).map(|out| self.mesh.face(out)).collect();
-                    for (face, new) in faces.into_iter().flatten().zip(halves(&faces, &around)) {
-                        tolerance.split(&self.mesh, face, new);
-                    }
-                }
-                self.kinds.push(kind);
-                self.sizes.push((self.sizes[a.index()] + self.sizes[b.index()]) / 2.0);
-                self.near.push(self.near[a.index()]);
+                self.split_edge(h, (a + b) / 2.0, kind);
             }
         }
+    }
+
+    fn split_edge(&mut self, h: HalfedgeId, position: Vec3, kind: Kind) {
+        let (a, b) = (self.mesh.tail(h), self.mesh.head(h));
+        let faces = [Some(h), self.mesh.twin(h)].map(|side| side.map(|side| self.mesh.face(side)));
+        let middle = self.mesh.split(h, position);
+        if let Some(tolerance) = &mut self.tolerance {
+            // The halves that were cut off are the other faces around the new vertex.
+            let around: Vec<FaceId> = self.mesh.outgoing(middle).map(|out| self.mesh.face(out)).collect();
+            for (face, new) in faces.into_iter().flatten().zip(halves(&faces, &around)) {
+                tolerance.split(&self.mesh, face, new);
+            }
+        }
+        self.kinds.push(kind);
+        self.sizes.push((self.sizes[a.index()] + self.sizes[b.index()]) / 2.0);
+        self.near.push(self.near[a.index()]);
     }
 
     /// Collapses edges that are too short, shortest first, unless that makes others too long. Returns the edges that the

@@ -102,6 +102,14 @@ impl<'a> Source<'a> {
         Some(Spot { point: found.point, face: self.mesh.face(self.mesh.halfedge(edge)), size })
     }
 
+    /// The segments of the boundary or of the creases, each with a face there.
+    pub(super) fn curve(&self, boundary: bool) -> impl Iterator<Item = (FaceId, [Vec3; 2])> {
+        let curve = if boundary { &self.boundary_curve } else { &self.crease_curve };
+        curve.iter().flat_map(|it| &it.edges).map(|&e| {
+            (self.mesh.face(self.mesh.halfedge(e)), self.mesh.edge_vertices(e).map(|v| self.mesh.position(v)))
+        })
+    }
+
     /// Scales all target lengths.
     pub(super) fn scale_sizes(&mut self, factor: f64) {
         self.sizes.as_mut_slice().iter_mut().for_each(|it| *it *= factor);
