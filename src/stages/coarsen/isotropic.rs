@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{
     geom::{Vec3, angle_between},
-    mesh::{Bvh, FaceId, HalfedgeId, Id, TriMesh, VertexId, distance::violations},
+    mesh::{Bvh, FaceId, HalfedgeId, Id, TriMesh, VertexId},
     numeric::Monitor,
     surface::{
         collapse::{EdgeQueue, FanFace, Guard, dying, fan_after, quality, star_after},
