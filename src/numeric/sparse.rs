@@ -6,6 +6,7 @@ use faer::{
     Conj, MatMut, Par, Side, Spec,
     dyn_stack::{MemBuffer, MemStack},
     linalg::cholesky::llt::factor::LltError,
+    perm::PermRef,
     sparse::{
         SparseColMatRef, SymbolicSparseColMatRef,
         linalg::{
@@ -130,6 +131,11 @@ impl SymmetricMatrix {
         &mut self.values
     }
 
+    /// Index of diagonal entry `i` in [`SymmetricMatrix::values_mut`].
+    pub fn diagonal_slot(&self, i: u32) -> u32 {
+        self.starts[i as usize]
+    }
+
     /// The diagonal.
     pub fn diagonal(&self) -> Vec<f64> {
         self.starts[..self.size()].iter().map(|&start| self.values[start as usize]).collect()
@@ -175,6 +181,20 @@ pub struct Analysis {
 impl Analysis {
     /// Orders (approximate minimum degree) and analyses the pattern of `matrix`.
     pub fn new(matrix: &SymmetricMatrix) -> Result<Self, SparseError> {
+        Self::analyse(matrix, SymmetricOrdering::Amd)
+    }
+
+    /// Analyses the pattern of `matrix` for a given order of elimination: `order[k]` is the unknown eliminated as number
+    /// k. Panics unless it is a permutation of the unknowns.
+    pub fn with_ordering(matrix: &SymmetricMatrix, order: &[u32]) -> Result<Self, SparseError> {
+        let mut inverse = vec![0; order.len()];
+        for (k, &unknown) in order.iter().enumerate() {
+            inverse[unknown as usize] = k as u32;
+        }
+        Self::analyse(matrix, SymmetricOrdering::Custom(PermRef::new_checked(order, &inverse, matrix.size())))
+    }
+
+    fn analyse(matrix: &SymmetricMatrix, ordering: SymmetricOrdering<'_, u32>) -> Result<Self, SparseError> {
         let supernodal = matrix.size() >= SUPERNODAL_FROM;
         let params = CholeskySymbolicParams {
             supernodal_flop_ratio_threshold: if supernodal {
@@ -184,9 +204,14 @@ impl Analysis {
             },
             ..Default::default()
         };
-        factorize_symbolic_cholesky(matrix.view().symbolic(), Side::Lower, SymmetricOrdering::Amd, params)
+        factorize_symbolic_cholesky(matrix.view().symbolic(), Side::Lower, ordering, params)
             .map(|symbolic| Self { symbolic: Arc::new(symbolic) })
             .map_err(|_| SparseError::TooLarge { unknowns: matrix.size() })
+    }
+
+    /// Number of values stored for the factor.
+    pub fn entries(&self) -> usize {
+        self.symbolic.len_val()
     }
 
     /// Factors a matrix of the analysed pattern. Panics if the pattern has another size.

@@ -10,7 +10,7 @@ use super::{
 use crate::{
     geom::Vec2,
     mesh::{EdgeId, FaceId, Field, HalfedgeId, VertexId},
-    numeric::sparse::{Cholesky, SparseError, SymmetricMatrix},
+    numeric::sparse::{Analysis, Cholesky, SparseError, SymmetricMatrix},
 };
 
 const NONE: u32 = u32::MAX;
@@ -56,6 +56,65 @@ pub enum FlattenError {
     },
 }
 
+/// The interior Laplacian A_II of a chart before it is factored.
+#[derive(Debug)]
+pub struct InteriorLaplacian {
+    /// Row of each interior vertex; `u32::MAX` on the boundary.
+    pub row: Vec<u32>,
+    /// The interior vertices, by row.
+    pub interior: Vec<u32>,
+    /// A_II.
+    pub matrix: SymmetricMatrix,
+    /// For each halfedge of the chart the values of `matrix` that its weight goes into: the diagonal entries of tail and
+    /// head, and the entry of both; `u32::MAX` for none.
+    slots: Vec<[u32; 3]>,
+}
+
+impl InteriorLaplacian {
+    /// With the true weights.
+    pub fn new(metric: &Metric, chart: &Chart) -> Self {
+        let mut row = vec![NONE; chart.vertex_count()];
+        let mut interior = Vec::new();
+        for v in (0..chart.vertex_count()).filter(|&v| !chart.on_boundary[v]) {
+            row[v] = interior.len() as u32;
+            interior.push(v as u32);
+        }
+        let inner = |i: u32, j: u32| row[i as usize] != NONE && row[j as usize] != NONE;
+        let pairs: Vec<(u32, u32)> = chart
+            .halfedges()
+            .filter(|&(_, i, j)| inner(i, j))
+            .map(|(_, i, j)| (row[i as usize], row[j as usize]))
+            .collect();
+        let (matrix, offdiagonal) = SymmetricMatrix::with_pattern(interior.len(), &pairs);
+        let mut offdiagonal = offdiagonal.into_iter();
+        let diagonal = |v: u32| if row[v as usize] == NONE { NONE } else { matrix.diagonal_slot(row[v as usize]) };
+        let slots = chart
+            .halfedges()
+            .map(|(_, i, j)| {
+                let both = if inner(i, j) { offdiagonal.next() } else { None };
+                [diagonal(i), diagonal(j), both.unwrap_or(NONE)]
+            })
+            .collect();
+        let mut out = Self { row, interior, matrix, slots };
+        out.set_weights(metric, chart, f64::NEG_INFINITY);
+        out
+    }
+
+    /// Every halfedge weight at least `clamp`.
+    fn set_weights(&mut self, metric: &Metric, chart: &Chart, clamp: f64) {
+        let values = self.matrix.values_mut();
+        values.fill(0.0);
+        for ((h, _, _), slots) in chart.halfedges().zip(&self.slots) {
+            let weight = weight(metric, h).max(clamp);
+            for (&slot, sign) in slots.iter().zip([1.0, 1.0, -1.0]) {
+                if slot != NONE {
+                    values[slot as usize] += sign * weight;
+                }
+            }
+        }
+    }
+}
+
 /// The interior Laplacian of a chart, factored, and the log factors that follow from the isometric boundary.
 #[derive(Debug)]
 pub struct Flattener<'a> {
@@ -74,32 +133,29 @@ impl<'a> Flattener<'a> {
     /// Factors A_II and solves A_II u_I = −K_I. The chart may have any number of components and loops as long as each
     /// component has a boundary. This alone tells the largest |u| of all pieces at once.
     pub fn new(metric: &'a Metric, chart: &'a Chart) -> Result<Self, FlattenError> {
-        let mut row = vec![NONE; chart.vertex_count()];
-        let mut interior = Vec::new();
-        for v in (0..chart.vertex_count()).filter(|&v| !chart.on_boundary[v]) {
-            row[v] = interior.len() as u32;
-            interior.push(v as u32);
-        }
+        let mut laplacian = InteriorLaplacian::new(metric, chart);
+        let refuse = |source: SparseError, laplacian: &InteriorLaplacian| {
+            let vertex = match source {
+                SparseError::NotPositiveDefinite { index } | SparseError::NotFinite { row: index, .. } => {
+                    laplacian.interior[index]
+                }
+                SparseError::TooLarge { .. } => 0,
+            };
+            FlattenError::Laplacian { face: chart.faces[0], vertex: chart.origin[vertex as usize], source }
+        };
+        let analysis = Analysis::new(&laplacian.matrix).map_err(|source| refuse(source, &laplacian))?;
         // Weights of either sign are right, but next to slivers rounding can cost definiteness: then all weights are
         // raised to a small positive one, which makes the matrix an M-matrix.
-        let (clamp, factor) = match Cholesky::new(&laplacian(metric, chart, &row, interior.len(), f64::NEG_INFINITY)) {
+        let (clamp, factor) = match analysis.factor(&laplacian.matrix) {
             Ok(factor) => (f64::NEG_INFINITY, factor),
             Err(_) => {
                 let sum: f64 = chart.halfedges().map(|it| weight(metric, it.0).abs().min(1e3)).sum();
                 let clamp = CLAMPED_WEIGHT * sum / (3.0 * chart.faces.len() as f64);
-                let matrix = laplacian(metric, chart, &row, interior.len(), clamp);
-                let factor = Cholesky::new(&matrix).map_err(|source| {
-                    let (SparseError::NotPositiveDefinite { index } | SparseError::NotFinite { row: index, .. }) =
-                        source
-                    else {
-                        return FlattenError::Laplacian { face: chart.faces[0], vertex: chart.origin[0], source };
-                    };
-                    let vertex = chart.origin[interior[index] as usize];
-                    FlattenError::Laplacian { face: chart.faces[0], vertex, source }
-                })?;
-                (clamp, factor)
+                laplacian.set_weights(metric, chart, clamp);
+                (clamp, analysis.factor(&laplacian.matrix).map_err(|source| refuse(source, &laplacian))?)
             }
         };
+        let InteriorLaplacian { row, interior, .. } = laplacian;
         let mut out = Self { chart, metric, row, interior, factor, clamp, log_factor: vec![0.0; chart.vertex_count()] };
         let sums = angle_sums(metric, chart);
         let mut u: Vec<f64> = out.interior.iter().map(|&v| sums[v as usize] - std::f64::consts::TAU).collect();
@@ -283,25 +339,6 @@ pub fn flatten_disk(metric: &Metric, chart: &Chart) -> Result<FlatDomain, Flatte
 /// Share of one face in the weight of an edge.
 fn weight(metric: &Metric, h: HalfedgeId) -> f64 {
     0.5 * metric.cotangent[h]
-}
-
-/// A_II with every halfedge weight at least `clamp`.
-fn laplacian(metric: &Metric, chart: &Chart, row: &[u32], n: usize, clamp: f64) -> SymmetricMatrix {
-    let mut triplets = Vec::with_capacity(9 * chart.faces.len());
-    for (h, i, j) in chart.halfedges() {
-        let weight = weight(metric, h).max(clamp);
-        let (i, j) = (row[i as usize], row[j as usize]);
-        if i != NONE {
-            triplets.push((i, i, weight));
-        }
-        if j != NONE {
-            triplets.push((j, j, weight));
-        }
-        if i != NONE && j != NONE {
-            triplets.push((i, j, -weight));
-        }
-    }
-    SymmetricMatrix::from_triplets(n, &triplets)
 }
 
 /// Sum of the corner angles at each local vertex.
