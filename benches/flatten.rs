@@ -7,7 +7,7 @@
 #![allow(clippy::print_stdout)]
 use fabricate::{
     import::mesh::read,
-    mesh::{Field, TriMesh, operators::angle_defects},
+    mesh::{FaceId, Field, TriMesh, operators::angle_defects},
     numeric::{
         Monitor,
         dissection::nested_dissection,
@@ -16,7 +16,7 @@ use fabricate::{
     surface::{
         chart::{Chart, ChartBuilder, Metric},
         cut_graph::cut_to_disks,
-        flatten::{Flattener, InteriorLaplacian, flatten_disk},
+        flatten::{Flattener, InteriorLaplacian},
         opening::open,
         subdivide,
     },
@@ -66,7 +66,9 @@ fn main() {
 fn disk(mesh: TriMesh) -> TriMesh {
     let weight = Field::from_fn(mesh.edge_count(), |e| mesh.edge_length(e));
     let mut cut = Field::filled(mesh.edge_count(), false);
-    cut_to_disks(&mesh, &weight, &angle_defects(&mesh), &[], &mut cut, &Monitor::silent()).expect("nobody interrupts");
+    let all: Vec<FaceId> = mesh.faces().collect();
+    cut_to_disks(&mesh, &all, &weight, &angle_defects(&mesh), &[], &mut cut, &Monitor::silent())
+        .expect("nobody interrupts");
     open(&mesh, &cut).unwrap_or_else(|error| panic!("{error}")).mesh
 }
 
@@ -101,7 +103,7 @@ fn row(name: &str, mesh: &TriMesh) {
     let (extend, _) = time(|| flattener.flatten());
     let (total, _) = time(|| {
         let (metric, chart) = (Metric::new(mesh), whole_chart());
-        flatten_disk(&metric, &chart).unwrap_or_else(|error| panic!("{error}"))
+        Flattener::new(&metric, &chart).and_then(|it| it.flatten()).unwrap_or_else(|error| panic!("{error}"))
     });
     let place = |&v: &u32| -> [f64; 3] { mesh.position(chart.origin[v as usize]).into() };
     let points: Vec<[f64; 3]> = laplacian.interior.iter().map(place).collect();

@@ -104,6 +104,8 @@ pub struct CutMesh {
     pub tolerance: f64,
     /// Number of terminals: vertices that the seams were led through on purpose.
     pub seam_vertices: usize,
+    /// Limit of the principal stretch max |ln σ| that 99.9 % of the area of every piece keep when it is laid flat.
+    pub stretch: f64,
 }
 
 /// Two faces of one piece whose interiors intersect in the plane.
@@ -120,10 +122,10 @@ pub struct Overlap {
 pub struct Flattening {
     /// Plane coordinates of the vertices of the cut mesh, mm.
     pub uv: Field<VertexId, Vec2>,
-    /// Log conformal factor u of the flattening (0 on an isometric boundary).
+    /// Log scale around each vertex: the mean of ½ ln (area ratio) of its faces.
     pub log_factor: Field<VertexId, f64>,
     /// Overlaps that remain.
     pub overlaps: Vec<Overlap>,
-    /// The stretch that the material takes, as |log scale|.
+    /// Limit of the principal stretch that the pieces were cut and laid flat for.
     pub stretch_limit: f64,
 }

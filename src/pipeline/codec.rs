@@ -200,7 +200,7 @@ records! {
     DevelopableMesh { mesh, energy, max_deviation, rounds }
     Piece { name }
     Seam { label, sides }
-    CutMesh { mesh, origin, piece_of, pieces, seams, tolerance, seam_vertices }
+    CutMesh { mesh, origin, piece_of, pieces, seams, tolerance, seam_vertices, stretch }
     Overlap { faces, area }
     Flattening { uv, log_factor, overlaps, stretch_limit }
     Mark { operation, points, closed }

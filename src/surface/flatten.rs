@@ -5,6 +5,7 @@
 //! of an interior vertex, k = π − Σ angles the exterior angle of a boundary vertex; l boundary edge lengths.
 use super::{
     chart::{Chart, ChartBuilder, Metric},
+    isometric::{Excess, Isometry},
     paths::{EdgeGraph, joining_tree},
 };
 use crate::{
@@ -194,12 +195,6 @@ impl<'a> Flattener<'a> {
         out
     }
 
-    /// Flat interior angle π − k̃ per local vertex on the boundary; 0 in the interior.
-    pub fn interior_angles(&self) -> Vec<f64> {
-        let exterior = self.exterior_angles().into_iter().zip(&self.chart.on_boundary);
-        exterior.map(|(angle, &boundary)| if boundary { std::f64::consts::PI - angle } else { 0.0 }).collect()
-    }
-
     /// Plane coordinates per local vertex, mm: the best-fit closed curve with the new exterior angles (lengths changed
     /// least in the sense of Σ (l̃ − l)² / l, section 5.3), then both coordinates extended harmonically.
     pub fn flatten(&self) -> Result<Vec<Vec2>, FlattenError> {
@@ -275,24 +270,28 @@ impl<'a> Flattener<'a> {
 pub struct FlatDomain {
     /// Plane coordinates per local vertex, mm.
     pub uv: Vec<Vec2>,
-    /// Log conformal factor per local vertex.
+    /// Log scale per local vertex: the mean of ½ ln (area ratio) around it.
     pub log_factor: Vec<f64>,
     /// Flat interior angle per local vertex on the boundary, radians; 0 in the interior.
     pub interior_angle: Vec<f64>,
+    /// How far it is from the limit of stretch.
+    pub excess: Excess,
 }
 
-/// Flattens a connected chart with any number of boundary loops, made by `builder` with `cut`. Several loops are joined by
-/// slits, the disk that leaves is flattened, and the slits are welded: where their sides lie further apart than
-/// `tolerance` (mm) the chart does not lie flat as it is, which is an error.
+/// Flattens a connected chart with any number of boundary loops, made by `builder` with `cut`, and polishes it to a
+/// limit ([`Isometry::polish`]). Several loops are
+/// joined by slits, the disk that leaves is flattened, and the slits are welded: where their sides lie further apart than
+/// `weld` (mm) the chart does not lie flat as it is, which is an error.
 pub fn flatten_domain(
     builder: &mut ChartBuilder,
     metric: &Metric,
     chart: &Chart,
     cut: &impl Fn(EdgeId) -> bool,
-    tolerance: f64,
+    weld: f64,
+    limit: Limit,
 ) -> Result<FlatDomain, FlattenError> {
     if chart.loops.len() <= 1 {
-        return flatten_disk(metric, chart);
+        return Ok(polished(metric, chart, Flattener::new(metric, chart)?.flatten()?, limit));
     }
     let mesh = builder.mesh();
     let length = Field::from_fn(mesh.edge_count(), |e| metric.length[mesh.halfedge(e)]);
@@ -302,38 +301,60 @@ pub fn flatten_domain(
         .collect();
     slits.sort_unstable();
     let disk = builder.chart(chart.faces.clone(), &|e| cut(e) || slits.binary_search(&e).is_ok());
-    let flat = flatten_disk(metric, &disk)?;
-    let n = chart.vertex_count();
-    let mut out =
-        FlatDomain { uv: vec![Vec2::repeat(f64::NAN); n], log_factor: vec![0.0; n], interior_angle: vec![0.0; n] };
-    let mut seen = vec![false; disk.vertex_count()];
-    let corners = chart.corners.iter().flatten().zip(disk.corners.iter().flatten());
-    for (&v, &copy) in corners {
+    let flat = Flattener::new(metric, &disk)?.flatten()?;
+    let mut uv = vec![Vec2::repeat(f64::NAN); chart.vertex_count()];
+    for (&v, &copy) in chart.corners.iter().flatten().zip(disk.corners.iter().flatten()) {
         let (v, copy) = (v as usize, copy as usize);
-        if std::mem::replace(&mut seen[copy], true) {
-            continue;
-        }
-        let gap = (out.uv[v] - flat.uv[copy]).norm();
-        if gap > tolerance {
+        let gap = (uv[v] - flat[copy]).norm();
+        if gap > weld {
             return Err(FlattenError::DoesNotClose { face: chart.faces[0], vertex: chart.origin[v], gap });
         }
         // The first copy stands for all: the others lie within the tolerance.
         if gap.is_nan() {
-            out.uv[v] = flat.uv[copy];
-            out.log_factor[v] = flat.log_factor[copy];
-        }
-        if chart.on_boundary[v] {
-            out.interior_angle[v] += flat.interior_angle[copy];
+            uv[v] = flat[copy];
         }
     }
-    Ok(out)
+    Ok(polished(metric, chart, uv, limit))
 }
 
-/// Flattens a disk.
-pub fn flatten_disk(metric: &Metric, chart: &Chart) -> Result<FlatDomain, FlattenError> {
-    let flattener = Flattener::new(metric, chart)?;
-    let interior_angle = flattener.interior_angles();
-    Ok(FlatDomain { uv: flattener.flatten()?, log_factor: flattener.log_factor, interior_angle })
+/// What a layout is polished to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limit {
+    /// Limit of the principal stretch max |ln σ| of a triangle.
+    pub stretch: f64,
+    /// Share of the area that may exceed it.
+    pub allowed: f64,
+}
+
+impl Limit {
+    /// For all but a thousandth of the area: single slivers do not decide.
+    pub fn new(stretch: f64) -> Self {
+        Self { stretch, allowed: 0.001 }
+    }
+}
+
+/// A layout polished to `limit` and measured.
+pub fn polished(metric: &Metric, chart: &Chart, mut uv: Vec<Vec2>, limit: Limit) -> FlatDomain {
+    let excess = Isometry::new(metric, chart).polish(&mut uv, limit.stretch, limit.allowed);
+    let n = chart.vertex_count();
+    let (mut interior_angle, mut log_factor, mut areas) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+    for (&f, corners) in chart.faces.iter().zip(&chart.corners) {
+        let flat = corners.map(|v| uv[v as usize]);
+        let ratio = crate::geom::signed_area(&flat) / metric.area[f];
+        for k in 0..3 {
+            let v = corners[k] as usize;
+            let (next, last) = (flat[(k + 1) % 3] - flat[k], flat[(k + 2) % 3] - flat[k]);
+            if chart.on_boundary[v] {
+                interior_angle[v] += f64::atan2(crate::geom::cross2(next, last), next.dot(&last));
+            }
+            areas[v] += metric.area[f];
+            log_factor[v] += metric.area[f] * 0.5 * ratio.max(f64::MIN_POSITIVE).ln();
+        }
+    }
+    for (sum, area) in log_factor.iter_mut().zip(areas) {
+        *sum /= area;
+    }
+    FlatDomain { uv, log_factor, interior_angle, excess }
 }
 
 /// Share of one face in the weight of an edge.
