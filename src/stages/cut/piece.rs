@@ -22,8 +22,6 @@ pub(super) struct Piece {
     pub(super) chart: Chart,
     /// Log factor u of the conformal map per local vertex.
     pub(super) log_factor: Vec<f64>,
-    /// Largest |u|.
-    pub(super) max_log_factor: f64,
     /// Area of the faces around each local vertex that exceed the limit although polished; empty where it was not tried or
     /// succeeded.
     pub(super) excess: Vec<f64>,
@@ -46,11 +44,10 @@ impl Piece {
     ) -> Result<Self, FlattenError> {
         let limit = Limit::new(options.stretch);
         let flattener = Flattener::new(metric, &chart)?;
-        let (log_factor, max_log_factor) = (flattener.log_factor().to_vec(), flattener.max_log_factor());
+        let log_factor = flattener.log_factor().to_vec();
         let near = share_above(metric, &chart, &log_factor, POLISHABLE * options.stretch) <= limit.allowed;
         let disk = if near && chart.is_disk() { Some(flattener.flatten()?) } else { None };
-        let mut out =
-            Self { chart, log_factor, max_log_factor, excess: Vec::new(), contours: Vec::new(), conflicts: Vec::new() };
+        let mut out = Self { chart, log_factor, excess: Vec::new(), contours: Vec::new(), conflicts: Vec::new() };
         let chart = &out.chart;
         if !near {
             return Ok(out);
