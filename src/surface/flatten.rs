@@ -172,11 +172,6 @@ impl<'a> Flattener<'a> {
         &self.log_factor
     }
 
-    /// Largest |u|.
-    pub fn max_log_factor(&self) -> f64 {
-        self.log_factor.iter().fold(0.0, |max, u| u.abs().max(max))
-    }
-
     /// Exterior angles of the flat boundary, k̃ = k + (A u)_B, per local vertex (0 in the interior). On a disk they sum
     /// to 2π.
     pub fn exterior_angles(&self) -> Vec<f64> {

@@ -6,12 +6,16 @@ use crate::{mesh::EdgeId, surface::cut_graph::arcs};
 
 /// Passes over all seams at most; a pass ends the search when nothing was glued.
 const PASSES: usize = 6;
+/// Gluing ends when it has judged so many times the faces of the mesh: where almost every vertex must lie on a seam there
+/// are thousands of seams to try, and hardly one can be glued.
+const EFFORT: usize = 100;
 
 impl Search<'_> {
     /// Tries to glue every arc of the cut between pieces from `first` on, longest first, whole or in parts.
     pub(super) fn join(&mut self, first: u32) -> Result<(), CutError> {
         // Runs that could not be glued while the pieces beside them were these.
         let mut failed: BTreeSet<(u32, u32, EdgeId, EdgeId, usize)> = BTreeSet::new();
+        let limit = self.judged + EFFORT * self.mesh.face_count();
         for _ in 0..PASSES {
             let mut runs: Vec<Vec<EdgeId>> =
                 arcs(self.mesh, &self.cut).into_iter().flat_map(|arc| self.gluable_runs(arc)).collect();
@@ -19,6 +23,9 @@ impl Search<'_> {
             let mut glued = false;
             for run in runs {
                 self.monitor.check()?;
+                if self.judged > limit {
+                    return Ok(());
+                }
                 let [p, q] = self.sides(run[0]);
                 let key = (p, q, run[0], run[run.len() - 1], run.len());
                 if p.min(q) < first || failed.contains(&key) {

@@ -83,7 +83,9 @@ pub(super) fn search(
         pieces: Vec::new(),
         piece_of: Field::filled(mesh.face_count(), u32::MAX),
     };
+    monitor.progress(0.1, "cutting to where it stretches most");
     search.settle(&all)?;
+    monitor.progress(0.3, "gluing what can be glued");
     search.join(0)?;
     search.improve()?;
     search.join(0)?;
