@@ -19,9 +19,10 @@ use faer::{
     },
 };
 
-/// From this many unknowns the supernodal factorisation is faster; left to itself faer picks the simplicial one up to
-/// 15 k unknowns and more, at twice the time.
+/// From this many unknowns, or this many entries per column of the lower triangle, the supernodal factorisation is faster;
+/// left to itself faer picks the simplicial one up to 15 k unknowns and more, at twice the time.
 const SUPERNODAL_FROM: usize = 4_000;
+const SUPERNODAL_FROM_ENTRIES: usize = 12;
 /// A pivot below this share of its diagonal entry is what cancellation leaves (a singular grid Laplacian with 6 400
 /// unknowns ends at 1.5e-13): no digit of it is right.
 const SMALLEST_PIVOT: f64 = 1e-12;
@@ -195,7 +196,8 @@ impl Analysis {
     }
 
     fn analyse(matrix: &SymmetricMatrix, ordering: SymmetricOrdering<'_, u32>) -> Result<Self, SparseError> {
-        let supernodal = matrix.size() >= SUPERNODAL_FROM;
+        let supernodal =
+            matrix.size() >= SUPERNODAL_FROM || matrix.values.len() >= SUPERNODAL_FROM_ENTRIES * matrix.size().max(1);
         let params = CholeskySymbolicParams {
             supernodal_flop_ratio_threshold: if supernodal {
                 SupernodalThreshold::FORCE_SUPERNODAL

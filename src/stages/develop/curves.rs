@@ -338,7 +338,7 @@ impl<'a> Curves<'a> {
         }
         for hold in &self.holds {
             let own: Vec<f64> = hold.vertices.iter().flat_map(|&v| position(x, v).data.0[0]).collect();
-            hold.fidelity.curvature(&own, |corners, [s, t, u], block| {
+            hold.fidelity.curvature(&own, |_, corners, [s, t, u], block| {
                 let [a, b, _] = corners.map(|v| hold.vertices[v as usize]);
                 let (s, t) = (s, t + u);
                 add(a, a, &(block * (s * s)));

@@ -17,11 +17,13 @@ const BLOCK: usize = 2048;
 /// A point of one face of the moving mesh, and a point of the source.
 #[derive(Debug, Clone, Copy)]
 struct Sample {
+    /// The face of the moving mesh, and its vertices.
+    face: FaceId,
     vertices: [u32; 3],
     /// Barycentric coordinates in those vertices.
     weights: [f64; 3],
     source: Vec3,
-    /// Latest face: of the source for samples of the moving mesh, of the moving mesh for samples of the source.
+    /// The face of the source that was closest, for samples of the moving mesh.
     hint: FaceId,
     /// c.
     factor: f64,
@@ -86,7 +88,7 @@ impl<'a> Fidelity<'a> {
             let point: Vec3 = corners.iter().zip(weights).map(|(p, w)| w * p).sum();
             let closest = source.closest(point * unit);
             let vertices = mesh.face_vertices(face).map(|v| v.0);
-            Sample { vertices, weights, source: closest.point / unit, hint: closest.face, factor }
+            Sample { face, vertices, weights, source: closest.point / unit, hint: closest.face, factor }
         }));
         self.resize();
     }
@@ -98,7 +100,7 @@ impl<'a> Fidelity<'a> {
             let source = point / unit;
             let closest = tree.closest(source);
             let vertices = mesh.face_vertices(closest.face).map(|v| v.0);
-            Sample { vertices, weights: closest.barycentric, source, hint: closest.face, factor }
+            Sample { face: closest.face, vertices, weights: closest.barycentric, source, hint: FaceId(0), factor }
         }));
         self.resize();
     }
@@ -144,9 +146,13 @@ impl<'a> Fidelity<'a> {
         sum
     }
 
-    /// Hands out, per sample outside the zone at `x`, its three vertices, their barycentric coordinates, and the Hessian by
-    /// its point with the closest point held: 2 w c [n nᵀ + s (I − n nᵀ)], s = (d − t)/d.
-    pub(super) fn curvature(&self, x: &[f64], mut add: impl FnMut([u32; 3], [f64; 3], &nalgebra::Matrix3<f64>)) {
+    /// Hands out, per sample outside the zone at `x`, its face with its vertices, its barycentric coordinates there, and the
+    /// Hessian by its point with the closest point held: 2 w c [n nᵀ + s (I − n nᵀ)], s = (d − t)/d.
+    pub(super) fn curvature(
+        &self,
+        x: &[f64],
+        mut add: impl FnMut(FaceId, [u32; 3], [f64; 3], &nalgebra::Matrix3<f64>),
+    ) {
         for sample in self.outward.iter().chain(&self.inward) {
             let offset = sample.offset(x);
             let distance = offset.norm();
@@ -154,7 +160,7 @@ impl<'a> Fidelity<'a> {
                 let along = 1.0 - self.band / distance;
                 let normal = offset / distance;
                 let block = normal * normal.transpose() * (1.0 - along) + nalgebra::Matrix3::identity() * along;
-                add(sample.vertices, sample.weights, &(block * (2.0 * self.weight * sample.factor)));
+                add(sample.face, sample.vertices, sample.weights, &(block * (2.0 * self.weight * sample.factor)));
             }
         }
     }
@@ -177,10 +183,10 @@ impl<'a> Fidelity<'a> {
             self.tree.refit(&self.mesh);
             let (mesh, tree) = (&self.mesh, &self.tree);
             self.inward.par_iter_mut().with_min_len(BLOCK).filter(|it| outside(it)).for_each(|it| {
-                let closest = tree.closest_from(it.source, it.hint);
+                let closest = tree.closest_from(it.source, it.face);
                 it.vertices = mesh.face_vertices(closest.face).map(|v| v.0);
                 it.weights = closest.barycentric;
-                it.hint = closest.face;
+                it.face = closest.face;
             });
             changed = true;
         }
