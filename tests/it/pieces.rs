@@ -16,7 +16,7 @@ fn options(stretch: f64) -> cut::Options {
 
 fn developable(mesh: TriMesh) -> DevelopableMesh {
     let energy = Field::filled(mesh.vertex_count(), 0.0);
-    DevelopableMesh { mesh, energy, max_deviation: 0.0, rounds: vec![] }
+    DevelopableMesh { mesh, energy, max_deviation: 0.0, rounds: vec![], tradeoffs: vec![] }
 }
 
 fn run(mesh: TriMesh, stretch: f64) -> (DevelopableMesh, CutMesh, Flattening) {

@@ -111,6 +111,23 @@ impl<'a> Fidelity<'a> {
         self.tree.refit(&self.mesh);
     }
 
+    /// Queries all closest points anew at the positions of `mesh`, without regard to earlier ones.
+    pub(super) fn settle(&mut self, mesh: &TriMesh) {
+        self.follow(mesh);
+        let (source, unit, mesh, tree) = (self.source, self.unit, &self.mesh, &self.tree);
+        self.outward.par_iter_mut().with_min_len(BLOCK).for_each(|it| {
+            let point: Vec3 =
+                it.vertices.iter().zip(it.weights).map(|(&v, w)| w * mesh.position(Id::new(v as usize))).sum();
+            let closest = source.closest(point * unit);
+            (it.source, it.hint) = (closest.point / unit, closest.face);
+        });
+        self.inward.par_iter_mut().with_min_len(BLOCK).for_each(|it| {
+            let closest = tree.closest(it.source);
+            it.vertices = mesh.face_vertices(closest.face).map(|v| v.0);
+            (it.weights, it.hint) = (closest.barycentric, closest.face);
+        });
+    }
+
     fn resize(&mut self) {
         self.pulls.resize(self.outward.len() + self.inward.len(), [0.0; 4]);
     }
