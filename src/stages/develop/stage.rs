@@ -542,6 +542,13 @@ mod tests {
         let text = toml::to_string(&Develop::default()).unwrap();
         assert_eq!(table(&text).unwrap(), Develop::default());
         assert_eq!(table("levels = 2").unwrap().levels, Levels::Count(2));
+        let text =
+            "[[round]]\nlevel = 0\nnumber = 2\nenergy = \"combinatorial\"\nmax_deviation = \"50 %\"\nhold = 0.5\n";
+        let stage = table(text).unwrap();
+        let it = stage.round[0].resolve(30.0);
+        assert_eq!((it.level, it.round, it.max_deviation, it.hold), (Some(0), Some(1), Some(15.0), Some(0.5)));
+        assert_eq!(it.energy.map(|it| it.name), Some("combinatorial"));
+        assert_eq!(table(&toml::to_string(&stage).unwrap()).unwrap(), stage);
     }
 
     #[test]
@@ -556,6 +563,11 @@ mod tests {
             ("rounds = 0", "`rounds`"),
             ("iterations = 0", "`iterations`"),
             ("optimizer = \"newton\"", "`levenberg`"),
+            ("curve = [\"1 %\", 0]", "`curve`"),
+            ("[[round]]\nenergy = \"willmore\"", "`round.energy` must be one of"),
+            ("[[round]]\nnumber = 0", "`round.number`"),
+            ("[[round]]\nhold = -1", "`round.hold`"),
+            ("[[round]]\nrounds = 1", "rounds"),
             ("energy = \"intrinsic\"\noptimizer = \"levenberg\"", "write \"auto\""),
             ("features = \"fair\"", "`features`"),
             ("boundary = \"loose\"", "`hold`"),

@@ -307,7 +307,7 @@ fn what_needs_no_flow_is_returned_as_it_is() {
         zigzag,
         &std::array::from_fn::<_, 8, _>(|i| {
             let i = i as u32;
-            if i % 2 == 0 { [i, i + 1, i + 2] } else { [i + 1, i, i + 2] }
+            if i.is_multiple_of(2) { [i, i + 1, i + 2] } else { [i + 1, i, i + 2] }
         }),
     )
     .unwrap();
