@@ -348,6 +348,14 @@ impl<'a> Curves<'a> {
         }
     }
 
+    /// Queries all closest points anew, see [`Fidelity::settle`].
+    pub(super) fn settle(&mut self, x: &[f64]) {
+        for hold in &mut self.holds {
+            hold.gather(x);
+            hold.fidelity.settle(&hold.x);
+        }
+    }
+
     /// Queries closest points anew, see [`Fidelity::refresh`].
     pub(super) fn refresh(&mut self, x: &[f64]) -> bool {
         self.holds.iter_mut().fold(false, |changed, hold| {

@@ -6,6 +6,7 @@
 //! misses a violation, and a sample inside the zone needs no query at all.
 use rayon::prelude::*;
 
+use super::set_positions;
 use crate::{
     geom::Vec3,
     mesh::{Bvh, FaceId, Id, TriMesh},
@@ -111,14 +112,13 @@ impl<'a> Fidelity<'a> {
         self.tree.refit(&self.mesh);
     }
 
-    /// Queries all closest points anew at the positions of `mesh`, without regard to earlier ones.
-    pub(super) fn settle(&mut self, mesh: &TriMesh) {
-        self.follow(mesh);
+    /// Queries all closest points anew at `x`, without regard to earlier ones.
+    pub(super) fn settle(&mut self, x: &[f64]) {
+        set_positions(&mut self.mesh, x);
+        self.tree.refit(&self.mesh);
         let (source, unit, mesh, tree) = (self.source, self.unit, &self.mesh, &self.tree);
         self.outward.par_iter_mut().with_min_len(BLOCK).for_each(|it| {
-            let point: Vec3 =
-                it.vertices.iter().zip(it.weights).map(|(&v, w)| w * mesh.position(Id::new(v as usize))).sum();
-            let closest = source.closest(point * unit);
+            let closest = source.closest(it.point(x) * unit);
             (it.source, it.hint) = (closest.point / unit, closest.face);
         });
         self.inward.par_iter_mut().with_min_len(BLOCK).for_each(|it| {
@@ -194,9 +194,7 @@ impl<'a> Fidelity<'a> {
         });
         let mut changed = moved_out.count() > 0;
         if self.inward.par_iter().with_min_len(BLOCK).any(outside) {
-            for (p, x) in self.mesh.positions_mut().as_mut_slice().iter_mut().zip(x.as_chunks::<3>().0) {
-                *p = Vec3::from(*x);
-            }
+            set_positions(&mut self.mesh, x);
             self.tree.refit(&self.mesh);
             let (mesh, tree) = (&self.mesh, &self.tree);
             self.inward.par_iter_mut().with_min_len(BLOCK).filter(|it| outside(it)).for_each(|it| {

@@ -233,10 +233,10 @@ impl<'a> Job<'a> {
             level.x = flatten(&level.mesh);
         }
         if let Some(hold) = &mut level.hold {
-            hold.settle(&level.mesh);
+            hold.settle(&level.x);
         }
         if let Some(curves) = &mut level.curves {
-            curves.refresh(&level.x);
+            curves.settle(&level.x);
         }
         rounds.push(round);
         if recorded.is_none() {
