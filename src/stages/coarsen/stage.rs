@@ -256,7 +256,7 @@ mod tests {
     #[test]
     fn the_section_says_what_was_done() {
         let source = source(shapes::torus(30.0, 10.0, 60, 30));
-        let cx = Cx { seed: 0, monitor: Monitor::silent() };
+        let cx = Cx { seed: 0, monitor: Monitor::silent(), kept: None, keep: &|_| () };
         for (text, method) in [
             ("", "off"),
             ("method = \"quadric\"\nfaces = 600\nmax_error = \"2 %\"", "quadric"),
