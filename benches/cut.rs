@@ -78,7 +78,7 @@ fn scaled(mesh: TriMesh) -> TriMesh {
 
 fn row(name: &str, mesh: &TriMesh, limit: f64) {
     let energy: Field<VertexId, f64> = Field::filled(mesh.vertex_count(), 0.0);
-    let input = DevelopableMesh { mesh: mesh.clone(), energy, max_deviation: 0.0, rounds: vec![] };
+    let input = DevelopableMesh { mesh: mesh.clone(), energy, max_deviation: 0.0, rounds: vec![], tradeoffs: vec![] };
     let options = cut::Options { stretch: limit, tolerance: None, clearance: 0.002, least_opening: 1e-3, sheet: None };
     let start = seconds();
     let monitor = Monitor::silent();
