@@ -100,6 +100,7 @@ fn run(mesh: &TriMesh, optimizer: Optimizer, done: &(dyn Fn() -> bool + Sync), s
         levels: Some(0),
         rounds: 1,
         iterations: Some(STEPS),
+        overrides: Vec::new(),
     };
     let monitor = Monitor::new(done, &|_, _| (), &|| 0.0).watching(step);
     // Cancelled by `done`, or out of steps.

@@ -18,6 +18,10 @@ pub struct Cx<'a> {
     pub seed: u64,
     /// Cancellation, progress and laps, to hand down to kernels.
     pub monitor: Monitor<'a>,
+    /// What the same stage had given to `keep` when it was interrupted at the same work.
+    pub kept: Option<&'a Artifact>,
+    /// Keeps an unfinished result, so that the stage can go on from it after an interruption. The latest replaces those before.
+    pub keep: &'a dyn Fn(Artifact),
 }
 
 /// A promise that was kept or missed.

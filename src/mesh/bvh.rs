@@ -133,8 +133,18 @@ pub struct Bvh {
 impl Bvh {
     /// Builds the hierarchy by median splits along the longest axis of the centroids. O(F log F).
     pub fn new(mesh: &TriMesh) -> Self {
-        let centers: Vec<Vec3> = mesh.faces().map(|f| mesh.face_positions(f).iter().sum::<Vec3>() / 3.0).collect();
-        let mut faces: Vec<u32> = (0..mesh.face_count() as u32).collect();
+        Self::of_triangles(mesh.faces().map(|f| mesh.face_positions(f)).collect())
+    }
+
+    /// The same over loose triangles, degenerate ones included: a segment is the triangle that repeats an end. They are
+    /// known as faces in the order given.
+    ///
+    /// # Panics
+    /// If there are none.
+    pub fn of_triangles(triangles: Vec<[Vec3; 3]>) -> Self {
+        assert!(!triangles.is_empty(), "the closest point on nothing");
+        let centers: Vec<Vec3> = triangles.iter().map(|corners| corners.iter().sum::<Vec3>() / 3.0).collect();
+        let mut faces: Vec<u32> = (0..triangles.len() as u32).collect();
         let mut nodes = vec![Node::empty()];
         let mut open = vec![(0, 0, faces.len())];
         while let Some((node, start, end)) = open.pop() {
@@ -146,7 +156,7 @@ impl Bvh {
                 let leaf = count <= LEAF;
                 let child = if leaf { (start as u32, count as u32) } else { (nodes.len() as u32, 0) };
                 nodes[node].child[slot] = Child { start: child.0, count: child.1 };
-                // Marks the slot as used until `refit` sets the real box.
+                // Marks the slot as used until `refit_boxes` sets the real box.
                 nodes[node].set(slot, (Vec3::zeros(), Vec3::zeros()));
                 if !leaf {
                     open.push((nodes.len(), start, end));
@@ -158,9 +168,9 @@ impl Bvh {
         for (slot, &face) in faces.iter().enumerate() {
             slots[face as usize] = slot as u32;
         }
-        let corners = vec![[Vec3::zeros(); 3]; faces.len()];
+        let corners = faces.iter().map(|&f| triangles[f as usize]).collect();
         let mut bvh = Self { nodes, corners, faces: faces.into_iter().map(FaceId).collect(), slots };
-        bvh.refit(mesh);
+        bvh.refit_boxes();
         bvh
     }
 
@@ -174,6 +184,11 @@ impl Bvh {
         for (corners, &face) in self.corners.iter_mut().zip(&self.faces) {
             *corners = mesh.face_positions(face);
         }
+        self.refit_boxes();
+    }
+
+    /// Boxes from the leaves up.
+    fn refit_boxes(&mut self) {
         for index in (0..self.nodes.len()).rev() {
             for slot in 0..WIDTH {
                 if !self.nodes[index].is_used(slot) {

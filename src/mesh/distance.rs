@@ -14,6 +14,10 @@ const SAMPLES: usize = 50_000;
 const FLOOR: f64 = 1e-6;
 /// [`violations`] reports places about this share of the diagonal apart, so that their number stays bounded.
 const SPACING: f64 = 5e-3;
+/// Pieces are cut along the closest triangle at most this often in a row, so that halving always comes to its turn; and
+/// only where both parts reach this share of the radius beyond the cut.
+const CUTS: u8 = 4;
+const BALANCE: f64 = 0.02;
 /// Pieces per task.
 const BATCH: usize = 256;
 
@@ -110,7 +114,7 @@ pub struct Violation {
 /// Bounds of the one-sided Hausdorff distance: the largest distance of a point of `from` to the surface of `to`.
 ///
 /// `upper - lower` is at most `resolution * lower` (or 1e-6 of the diagonal of `from`). Branch and bound over the faces,
-/// split 1 to 4 until their bound (see [`Piece::new`]) is tight; the number of splits has no other limit.
+/// split (see [`Piece::split`]) until their bound (see [`Piece::new`]) is tight; the number of splits has no other limit.
 pub fn hausdorff_bounds(
     from: &TriMesh,
     to: &Bvh,
@@ -217,6 +221,8 @@ struct Piece {
     radius: f64,
     /// No point of the piece is farther from the other surface.
     upper: f64,
+    /// Cuts since it was last halved.
+    cuts: u8,
 }
 
 impl Piece {
@@ -229,13 +235,13 @@ impl Piece {
         if !found.distance.is_finite() {
             // A position is not finite. Infinitely far, so that no caller takes it for proven.
             let far = f64::INFINITY;
-            return Self { corners, face, closest: found.face, distance: far, radius: 0.0, upper: far };
+            return Self { corners, face, closest: found.face, distance: far, radius: 0.0, upper: far, cuts: 0 };
         }
         let radius = corners.iter().map(|c| (c - center).norm_squared()).fold(0.0, f64::max).sqrt();
         let target = to.face_positions(found.face);
         let farthest = corners.iter().map(|c| closest_on_triangle(c, &target).1).fold(0.0, f64::max).sqrt();
         let upper = farthest.min(found.distance + radius);
-        Self { corners, face, closest: found.face, distance: found.distance, radius, upper }
+        Self { corners, face, closest: found.face, distance: found.distance, radius, upper, cuts: 0 }
     }
 
     fn center(&self) -> Vec3 {
@@ -251,21 +257,55 @@ impl Piece {
             .collect()
     }
 
-    /// Four pieces for each, by halving the sides.
+    /// The parts of each.
     fn split_all(pieces: &[Self], to: &Bvh) -> Vec<Self> {
         pieces.par_iter().with_min_len(BATCH).flat_map_iter(|piece| piece.split(to)).collect()
     }
 
-    fn split(&self, to: &Bvh) -> [Self; 4] {
+    /// Three pieces, along a side of the closest triangle that runs through this one: inside that side the bound is then
+    /// exact, which ends the search where surfaces coincide. Else four, by halving the sides.
+    fn split(&self, to: &Bvh) -> Vec<Self> {
+        let part = |corners, cuts| Self { cuts, ..Self::new(corners, self.face, to, Some(self.closest)) };
+        let cut = if self.cuts < CUTS { self.cut(&to.face_positions(self.closest)) } else { None };
+        if let Some(parts) = cut {
+            return parts.into_iter().map(|corners| part(corners, self.cuts + 1)).collect();
+        }
         let [a, b, c] = self.corners;
         let (ab, bc, ca) = ((a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0);
-        [[a, ab, ca], [ab, b, bc], [ca, bc, c], [bc, ca, ab]]
-            .map(|corners| Self::new(corners, self.face, to, Some(self.closest)))
+        [[a, ab, ca], [ab, b, bc], [ca, bc, c], [bc, ca, ab]].into_iter().map(|corners| part(corners, 0)).collect()
+    }
+
+    /// The parts on the two sides of the plane through a side of `target` and its normal, if that plane divides the piece
+    /// well and the target is not small against the piece.
+    fn cut(&self, target: &[Vec3; 3]) -> Option<[[Vec3; 3]; 3]> {
+        let normal = (target[1] - target[0]).cross(&(target[2] - target[0]));
+        let (mut best, mut heights) = (BALANCE * self.radius, None);
+        let mut size = 0.0_f64;
+        for k in 0..3 {
+            let side = target[(k + 1) % 3] - target[k];
+            size = size.max(side.norm());
+            let Some(outward) = side.cross(&normal).try_normalize(0.0) else { continue };
+            let height = self.corners.map(|p| outward.dot(&(p - target[k])));
+            let (low, high) = height.iter().fold((0.0_f64, 0.0_f64), |(low, high), &h| (low.min(h), high.max(h)));
+            if high.min(-low) > best {
+                (best, heights) = (high.min(-low), Some(height));
+            }
+        }
+        let heights = heights.filter(|_| size >= self.radius)?;
+        let above = heights.map(|h| h > 0.0);
+        let lone = (0..3).find(|&k| above[k] != above[(k + 1) % 3] && above[k] != above[(k + 2) % 3])?;
+        let [i, j, k] = [lone, (lone + 1) % 3, (lone + 2) % 3];
+        let [p, q, r] = [i, j, k].map(|at| self.corners[at]);
+        let crossing = |to: Vec3, height: f64| p + (to - p) * (heights[i] / (heights[i] - height));
+        let (x, y) = (crossing(q, heights[j]), crossing(r, heights[k]));
+        Some([[p, x, y], [x, q, r], [x, r, y]])
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
     use super::*;
 
     /// The square [-1, 1]² in `2 n²` faces, lifted by `height(x, y)`.
@@ -335,6 +375,18 @@ mod tests {
         let mesh = graph(20, wave);
         assert!(SurfaceDistance::between(&mesh, &mesh).hausdorff < 1e-15);
         assert!(bounds(&mesh, &mesh, 0.01).upper < 1e-15);
+    }
+
+    /// The triangulations cross each other everywhere: halving alone would need 10⁶ pieces along every edge.
+    #[test]
+    fn flat_surfaces_that_coincide_are_found_out_soon() {
+        let (one, other) = (graph(13, |_, _| 0.0), graph(8, |_, _| 0.0));
+        let looks = AtomicUsize::new(0);
+        // Halving needs 18 rounds to come below 1e-6 of the diagonal.
+        let count = || looks.fetch_add(1, Ordering::Relaxed) > 16;
+        let monitor = Monitor::new(&count, &|_, _| (), &|| 0.0);
+        let found = two_sided_bounds(&one, &other, 0.01, &monitor).unwrap();
+        assert!(found.upper < 1e-5, "{found:?}");
     }
 
     /// From a flat square to a hexagonal pyramid of height h over it the farthest point is the centre, which is no vertex

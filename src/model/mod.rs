@@ -8,4 +8,4 @@ pub use nouns::{Artifact, Kind, Noun};
 pub use planar::{
     Line, Mark, Opening, Operation, Part, Parts, Placement, Sheet, SheetPaths, Sheets, Toolpath, Toolpaths,
 };
-pub use shape::{CutMesh, DevelopableMesh, Flattening, Overlap, Piece, PieceId, Round, Seam, SourceMesh};
+pub use shape::{CutMesh, DevelopableMesh, Flattening, Overlap, Piece, PieceId, Round, Seam, SourceMesh, Tradeoff};

@@ -41,6 +41,12 @@ pub struct Round {
     pub seconds: f64,
     /// Why the round ended.
     pub stopped: String,
+    /// The level that it belongs to; the coarsest is 0.
+    pub level: usize,
+    /// Whether it only mended what was found wrong after the rounds of its level.
+    pub correction: bool,
+    /// The mesh after it, mm; absent where it would show nothing new.
+    pub mesh: Option<TriMesh>,
 }
 
 /// A mesh that is piecewise developable as far as the flow could make it; no folded edge was accepted on the way.
@@ -54,6 +60,21 @@ pub struct DevelopableMesh {
     pub max_deviation: f64,
     /// History.
     pub rounds: Vec<Round>,
+    /// What other deviations would have given, as far as that was asked.
+    pub tradeoffs: Vec<Tradeoff>,
+}
+
+/// What one allowed deviation costs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tradeoff {
+    /// Largest distance allowed between the result and the source, mm.
+    pub max_deviation: f64,
+    /// Σ of the developability energy of the result.
+    pub energy: f64,
+    /// Length of the seams of the result, mm.
+    pub seam_length: f64,
+    /// Proven distance between the result and the source, mm.
+    pub bound: f64,
 }
 
 /// A piece of the cut mesh: one connected component.
@@ -104,6 +125,8 @@ pub struct CutMesh {
     pub tolerance: f64,
     /// Number of terminals: vertices that the seams were led through on purpose.
     pub seam_vertices: usize,
+    /// Limit of the principal stretch max |ln σ| that 99.9 % of the area of every piece keep when it is laid flat.
+    pub stretch: f64,
 }
 
 /// Two faces of one piece whose interiors intersect in the plane.
@@ -120,10 +143,10 @@ pub struct Overlap {
 pub struct Flattening {
     /// Plane coordinates of the vertices of the cut mesh, mm.
     pub uv: Field<VertexId, Vec2>,
-    /// Log conformal factor u of the flattening (0 on an isometric boundary).
+    /// Log scale around each vertex: the mean of ½ ln (area ratio) of its faces.
     pub log_factor: Field<VertexId, f64>,
     /// Overlaps that remain.
     pub overlaps: Vec<Overlap>,
-    /// The stretch that the material takes, as |log scale|.
+    /// Limit of the principal stretch that the pieces were cut and laid flat for.
     pub stretch_limit: f64,
 }

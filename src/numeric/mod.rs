@@ -1,6 +1,7 @@
 //! Numerics that know no mesh: sparse factorisations, optimisers, and the monitor through which a long
 //! computation reports progress and learns that it should stop.
 
+pub mod dissection;
 pub mod lanes;
 mod monitor;
 pub mod optim;

@@ -6,6 +6,7 @@ use faer::{
     Conj, MatMut, Par, Side, Spec,
     dyn_stack::{MemBuffer, MemStack},
     linalg::cholesky::llt::factor::LltError,
+    perm::PermRef,
     sparse::{
         SparseColMatRef, SymbolicSparseColMatRef,
         linalg::{
@@ -18,9 +19,10 @@ use faer::{
     },
 };
 
-/// From this many unknowns the supernodal factorisation is faster; left to itself faer picks the simplicial one up to
-/// 15 k unknowns and more, at twice the time.
+/// From this many unknowns, or this many entries per column of the lower triangle, the supernodal factorisation is faster;
+/// left to itself faer picks the simplicial one up to 15 k unknowns and more, at twice the time.
 const SUPERNODAL_FROM: usize = 4_000;
+const SUPERNODAL_FROM_ENTRIES: usize = 12;
 /// A pivot below this share of its diagonal entry is what cancellation leaves (a singular grid Laplacian with 6 400
 /// unknowns ends at 1.5e-13): no digit of it is right.
 const SMALLEST_PIVOT: f64 = 1e-12;
@@ -130,6 +132,11 @@ impl SymmetricMatrix {
         &mut self.values
     }
 
+    /// Index of diagonal entry `i` in [`SymmetricMatrix::values_mut`].
+    pub fn diagonal_slot(&self, i: u32) -> u32 {
+        self.starts[i as usize]
+    }
+
     /// The diagonal.
     pub fn diagonal(&self) -> Vec<f64> {
         self.starts[..self.size()].iter().map(|&start| self.values[start as usize]).collect()
@@ -175,7 +182,22 @@ pub struct Analysis {
 impl Analysis {
     /// Orders (approximate minimum degree) and analyses the pattern of `matrix`.
     pub fn new(matrix: &SymmetricMatrix) -> Result<Self, SparseError> {
-        let supernodal = matrix.size() >= SUPERNODAL_FROM;
+        Self::analyse(matrix, SymmetricOrdering::Amd)
+    }
+
+    /// Analyses the pattern of `matrix` for a given order of elimination: `order[k]` is the unknown eliminated as number
+    /// k. Panics unless it is a permutation of the unknowns.
+    pub fn with_ordering(matrix: &SymmetricMatrix, order: &[u32]) -> Result<Self, SparseError> {
+        let mut inverse = vec![0; order.len()];
+        for (k, &unknown) in order.iter().enumerate() {
+            inverse[unknown as usize] = k as u32;
+        }
+        Self::analyse(matrix, SymmetricOrdering::Custom(PermRef::new_checked(order, &inverse, matrix.size())))
+    }
+
+    fn analyse(matrix: &SymmetricMatrix, ordering: SymmetricOrdering<'_, u32>) -> Result<Self, SparseError> {
+        let supernodal =
+            matrix.size() >= SUPERNODAL_FROM || matrix.values.len() >= SUPERNODAL_FROM_ENTRIES * matrix.size().max(1);
         let params = CholeskySymbolicParams {
             supernodal_flop_ratio_threshold: if supernodal {
                 SupernodalThreshold::FORCE_SUPERNODAL
@@ -184,9 +206,14 @@ impl Analysis {
             },
             ..Default::default()
         };
-        factorize_symbolic_cholesky(matrix.view().symbolic(), Side::Lower, SymmetricOrdering::Amd, params)
+        factorize_symbolic_cholesky(matrix.view().symbolic(), Side::Lower, ordering, params)
             .map(|symbolic| Self { symbolic: Arc::new(symbolic) })
             .map_err(|_| SparseError::TooLarge { unknowns: matrix.size() })
+    }
+
+    /// Number of values stored for the factor.
+    pub fn entries(&self) -> usize {
+        self.symbolic.len_val()
     }
 
     /// Factors a matrix of the analysed pattern. Panics if the pattern has another size.

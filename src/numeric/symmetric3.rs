@@ -80,4 +80,43 @@ mod tests {
         let smallest = values.iter().copied().fold(f64::INFINITY, f64::min);
         assert!((smallest - 2e-18).abs() < 1e-32, "{smallest:e}");
     }
+
+    #[test]
+    fn eigenpairs_are_right_whatever_the_gaps() {
+        use crate::numeric::random::Random;
+        let mut random = Random::new(4);
+        let mut worst = [0.0_f64; 3];
+        for scale in [1e-100, 1.0, 1e100] {
+            for gap in [0.0, 1e-16, 1e-15, 1e-12, 1e-8, 1e-4, 0.1, 1.0, 1e8] {
+                for _ in 0..50 {
+                    // A rotation from a random quaternion.
+                    let [a, b, c, d] = [0; 4].map(|_| 2.0 * random.unit() - 1.0);
+                    let n = (a * a + b * b + c * c + d * d).sqrt();
+                    let [a, b, c, d] = [a / n, b / n, c / n, d / n];
+                    let axes = [
+                        [a * a + b * b - c * c - d * d, 2.0 * (b * c + a * d), 2.0 * (b * d - a * c)],
+                        [2.0 * (b * c - a * d), a * a - b * b + c * c - d * d, 2.0 * (c * d + a * b)],
+                        [2.0 * (b * d + a * c), 2.0 * (c * d - a * b), a * a - b * b - c * c + d * d],
+                    ];
+                    let exact = [1.0, 1.0 + gap, 1.0 + 3.0 * gap].map(|it| it * scale / (1.0 + gap));
+                    let entry = |i: usize, k: usize| (0..3).map(|m| exact[m] * axes[m][i] * axes[m][k]).sum();
+                    let matrix: Symmetric3 = std::array::from_fn(|i| std::array::from_fn(|k| entry(i, k)));
+                    let (mut values, vectors) = jacobi(matrix);
+                    for (i, vector) in vectors.iter().enumerate() {
+                        let image = product(&matrix, vector);
+                        for k in 0..3 {
+                            worst[0] = worst[0].max((image[k] - values[i] * vector[k]).abs() / exact[2]);
+                            let dot: f64 = (0..3).map(|c| vector[c] * vectors[k][c]).sum();
+                            worst[1] = worst[1].max((dot - f64::from(u8::from(i == k))).abs());
+                        }
+                    }
+                    values.sort_by(f64::total_cmp);
+                    for (value, exact_value) in values.iter().zip(&exact) {
+                        worst[2] = worst[2].max((value - exact_value).abs() / exact[2]);
+                    }
+                }
+            }
+        }
+        assert!(worst.iter().all(|&it| it < 4e-15), "{worst:?}");
+    }
 }

@@ -41,36 +41,43 @@ impl Cache {
         self.folder.join(format!("{stage}-{hex}.bin"))
     }
 
+    /// Where the unfinished result of a stage is kept: one per stage, whatever its key.
+    fn draft(&self, stage: &str) -> PathBuf {
+        self.folder.join(format!("unfinished-{stage}.bin"))
+    }
+
     /// Looks a result up.
     pub(super) fn get(&self, def: &StageDef, key: &Key) -> Lookup {
         let path = self.path(def.name, key);
-        let bytes = match fs::read(&path) {
-            Ok(bytes) => bytes,
-            Err(err) if err.kind() == io::ErrorKind::NotFound => return Lookup::Miss,
-            Err(err) => return Lookup::Broken(format!("{}: {err}", path.display())),
-        };
-        match parse(def, key, &bytes) {
-            Some(found) => {
-                // The age of an entry is that of its last use; failing to note it only means an earlier eviction.
-                let _ = fs::File::options().append(true).open(&path).and_then(|it| it.set_modified(SystemTime::now()));
-                Lookup::Hit(Box::new(found))
-            }
-            None => Lookup::Broken(format!("{} is damaged", path.display())),
+        let found = read(&path, def, key);
+        if matches!(found, Lookup::Hit(_)) {
+            // The age of an entry is that of its last use; failing to note it only means an earlier eviction.
+            let _ = fs::File::options().append(true).open(&path).and_then(|it| it.set_modified(SystemTime::now()));
+        }
+        found
+    }
+
+    /// Keeps a result, and drops its unfinished form and the oldest results of the same stage.
+    pub(super) fn put(&self, def: &StageDef, key: &Key, artifact: &Artifact, section: &Section) -> io::Result<()> {
+        write(&self.path(def.name, key), key, artifact, section)?;
+        match fs::remove_file(self.draft(def.name)) {
+            Err(err) if err.kind() != io::ErrorKind::NotFound => return Err(err),
+            _ => {}
+        }
+        self.evict(def.name)
+    }
+
+    /// What a stage had done of this work when it was interrupted.
+    pub(super) fn unfinished(&self, def: &StageDef, key: &Key) -> Option<Artifact> {
+        match read(&self.draft(def.name), def, key) {
+            Lookup::Hit(found) => Some(found.0),
+            Lookup::Miss | Lookup::Broken(_) => None,
         }
     }
 
-    /// Keeps a result, and drops the oldest of the same stage.
-    pub(super) fn put(&self, def: &StageDef, key: &Key, artifact: &Artifact, section: &Section) -> io::Result<()> {
-        let section = serde_json::to_vec(section)?;
-        let mut body = key.to_vec();
-        body.extend_from_slice(&(section.len() as u64).to_le_bytes());
-        body.extend_from_slice(&section);
-        body.extend_from_slice(&codec::encode(artifact));
-        let mut bytes = MAGIC.to_vec();
-        bytes.extend_from_slice(blake3::hash(&body).as_bytes());
-        bytes.extend_from_slice(&body);
-        output::write_whole(&self.path(def.name, key), &bytes)?;
-        self.evict(def.name)
+    /// Keeps an unfinished result.
+    pub(super) fn keep(&self, def: &StageDef, key: &Key, artifact: &Artifact) -> io::Result<()> {
+        write(&self.draft(def.name), key, artifact, &Section::default())
     }
 
     fn evict(&self, stage: &str) -> io::Result<()> {
@@ -85,6 +92,30 @@ impl Cache {
         let surplus = entries.len().saturating_sub(KEEP);
         entries[..surplus].iter().try_for_each(|(_, path)| fs::remove_file(path))
     }
+}
+
+fn read(path: &Path, def: &StageDef, key: &Key) -> Lookup {
+    let bytes = match fs::read(path) {
+        Ok(bytes) => bytes,
+        Err(err) if err.kind() == io::ErrorKind::NotFound => return Lookup::Miss,
+        Err(err) => return Lookup::Broken(format!("{}: {err}", path.display())),
+    };
+    match parse(def, key, &bytes) {
+        Some(found) => Lookup::Hit(Box::new(found)),
+        None => Lookup::Broken(format!("{} is damaged", path.display())),
+    }
+}
+
+fn write(path: &Path, key: &Key, artifact: &Artifact, section: &Section) -> io::Result<()> {
+    let section = serde_json::to_vec(section)?;
+    let mut body = key.to_vec();
+    body.extend_from_slice(&(section.len() as u64).to_le_bytes());
+    body.extend_from_slice(&section);
+    body.extend_from_slice(&codec::encode(artifact));
+    let mut bytes = MAGIC.to_vec();
+    bytes.extend_from_slice(blake3::hash(&body).as_bytes());
+    bytes.extend_from_slice(&body);
+    output::write_whole(path, &bytes)
 }
 
 fn parse(def: &StageDef, key: &Key, bytes: &[u8]) -> Option<(Artifact, Section)> {

@@ -6,7 +6,7 @@ use crate::{
     mesh::{EdgeId, FaceId, Field, HalfedgeId, Id, TriMesh, VertexId},
     model::{
         Artifact, CutMesh, DevelopableMesh, Flattening, Kind, Mark, Noun, Opening, Operation, Overlap, Part, Parts,
-        Piece, PieceId, Placement, Round, Seam, Sheet, SheetPaths, Sheets, SourceMesh, Toolpath, Toolpaths,
+        Piece, PieceId, Placement, Round, Seam, Sheet, SheetPaths, Sheets, SourceMesh, Toolpath, Toolpaths, Tradeoff,
     },
 };
 
@@ -91,6 +91,16 @@ impl<T: Codec> Codec for Vec<T> {
             return Err(Corrupt);
         }
         (0..n).map(|_| T::get(reader)).collect()
+    }
+}
+
+impl<T: Codec> Codec for Option<T> {
+    fn put(&self, out: &mut Vec<u8>) {
+        self.is_some().put(out);
+        self.iter().for_each(|it| it.put(out));
+    }
+    fn get(reader: &mut Reader<'_>) -> Result<Self, Corrupt> {
+        bool::get(reader)?.then(|| T::get(reader)).transpose()
     }
 }
 
@@ -196,11 +206,13 @@ records! {
     SourceMesh { mesh, file, repairs, up }
     Round {
         energy, vertices, faces, energy_start, energy_end, gradient_norm, iterations, evaluations, seconds, stopped,
+        level, correction, mesh,
     }
-    DevelopableMesh { mesh, energy, max_deviation, rounds }
+    DevelopableMesh { mesh, energy, max_deviation, rounds, tradeoffs }
+    Tradeoff { max_deviation, energy, seam_length, bound }
     Piece { name }
     Seam { label, sides }
-    CutMesh { mesh, origin, piece_of, pieces, seams, tolerance, seam_vertices }
+    CutMesh { mesh, origin, piece_of, pieces, seams, tolerance, seam_vertices, stretch }
     Overlap { faces, area }
     Flattening { uv, log_factor, overlaps, stretch_limit }
     Mark { operation, points, closed }

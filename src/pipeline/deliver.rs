@@ -112,6 +112,9 @@ fn pictures<'a>(store: &'a Store, line: &'a (dyn Fn(Operation) -> [u8; 3] + Sync
     let (coarse, developed, cut, sheets) = (store.get(), store.get(), store.get(), store.get());
     report::pictures(Subjects { source, coarse, developed, cut, sheets, line })
         .into_iter()
-        .map(|(path, draw)| -> Job<'a> { (path, "png", Box::new(move || draw().map_err(|err| err.to_string()))) })
+        .map(|(path, draw)| -> Job<'a> {
+            let format = if path.ends_with(".svg") { "svg" } else { "png" };
+            (path, format, Box::new(move || draw().map_err(|err| err.to_string())))
+        })
         .collect()
 }

@@ -1,5 +1,6 @@
 //! Runs a plan: cache or compute, then write everything.
 use std::{
+    error::Error as StdError,
     path::Path,
     sync::atomic::{AtomicBool, Ordering},
     time::Instant,
@@ -15,10 +16,10 @@ use super::{
     plan::Plan,
 };
 use crate::{
-    model::Kind,
+    model::{Artifact, Kind},
     numeric::Monitor,
     report::StageRow,
-    stage::{Check, Cx, Key, Section, Store},
+    stage::{Check, Cx, Key, Ready, Section, StageDef, Store},
 };
 
 /// What happens during a run, for whoever shows it.
@@ -102,7 +103,7 @@ pub fn run(
     let cancelled = || cancel.load(Ordering::Relaxed);
     let progress = |done: f64, note: &str| tell(Event::Progress { done, note });
     let seconds = || start.elapsed().as_secs_f64();
-    let cx = Cx { seed: plan.seed, monitor: Monitor::new(&cancelled, &progress, &seconds) };
+    let monitor = Monitor::new(&cancelled, &progress, &seconds);
 
     let Source { artifact, key, facts, .. } = source;
     let mut store = Store::default();
@@ -130,7 +131,7 @@ pub fn run(
         let cached = found.is_some();
         let made = match found {
             Some(it) => it,
-            None => match (ready.run)(&store, &cx) {
+            None => match compute((def, ready), &key, &store, (plan.seed, &monitor), (&cache, forced), tell) {
                 Ok(it) => it,
                 Err(_) if cancelled() => return Err(RunError::Interrupted),
                 Err(err) => {
@@ -171,8 +172,26 @@ pub fn run(
             note: reasons.join(": "),
         });
     }
-    let report = deliver(plan, &store, &output, section, &rows, &cx.monitor, tell)?;
+    let report = deliver(plan, &store, &output, section, &rows, &monitor, tell)?;
     Ok(Outcome { report, failure })
+}
+
+/// Runs a stage, from where it was interrupted unless it was `forced` to begin anew.
+fn compute(
+    (def, ready): (&StageDef, &Ready),
+    key: &Key,
+    store: &Store,
+    (seed, monitor): (u64, &Monitor<'_>),
+    (cache, forced): (&Cache, bool),
+    tell: &(dyn Fn(Event<'_>) + Sync),
+) -> Result<(Artifact, Section), Box<dyn StdError + Send + Sync>> {
+    let kept = if forced { None } else { cache.unfinished(def, key) };
+    let keep = |artifact: Artifact| {
+        if let Err(err) = cache.keep(def, key, &artifact) {
+            tell(Event::Warning(&format!("cache: what `{}` has done so far could not be kept: {err}", def.name)));
+        }
+    };
+    (ready.run)(store, &Cx { seed, monitor: *monitor, kept: kept.as_ref(), keep: &keep })
 }
 
 /// Hash of the options of a stage and the keys of all its inputs.

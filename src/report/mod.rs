@@ -1,4 +1,5 @@
 //! `report.json`: what was made, how well, and where it lies. Keys are those of CONTRACT.md.
+mod chart;
 mod pictures;
 
 pub use pictures::{Drawing, Lines, Subjects, lines, pictures};

@@ -1,4 +1,6 @@
-//! Previews: the input, coarse, developed and cut mesh, and every sheet, as PNG.
+//! Previews: the input, coarse, developed and cut mesh, the developed mesh after each round, and every sheet, as PNG; what
+//! closeness costs, as SVG.
+use super::chart;
 use crate::{
     geom::Vec2,
     mesh::{FaceId, Id, TriMesh},
@@ -37,6 +39,9 @@ pub fn lines(lines: &Lines, pixels: u32) -> Result<Vec<u8>, String> {
 /// Longer side of a sheet's picture, pixels.
 const SHEET_PIXELS: u32 = 1600;
 
+/// Sides of the picture of one round.
+const ROUND_PIXELS: u32 = 500;
+
 /// Path and drawing of every picture.
 pub fn pictures<'a>(subjects: Subjects<'a>) -> Vec<Drawing<'a>> {
     let up = if subjects.source.up == 2 { Up::Z } else { Up::Y };
@@ -52,6 +57,15 @@ pub fn pictures<'a>(subjects: Subjects<'a>) -> Vec<Drawing<'a>> {
     }
     if let Some(developed) = subjects.developed {
         add("developed", &developed.mesh, base.edges);
+        for (i, mesh) in developed.rounds.iter().filter_map(|it| it.mesh.as_ref()).enumerate() {
+            let draw = move || render::mesh(mesh, &MeshStyle { width: ROUND_PIXELS, height: ROUND_PIXELS, ..base });
+            out.push((format!("preview/round-{:02}.png", i + 1), Box::new(draw)));
+        }
+        if !developed.tradeoffs.is_empty() {
+            let diagonal = subjects.source.mesh.bounds().diagonal();
+            let draw = move || Ok(chart::tradeoffs(&developed.tradeoffs, diagonal));
+            out.push(("preview/deviation.svg".into(), Box::new(draw)));
+        }
     }
     if let Some(cut) = subjects.cut {
         let draw = move || {

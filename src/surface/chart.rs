@@ -21,12 +21,21 @@ impl Metric {
     /// Measures a mesh.
     pub fn new(mesh: &TriMesh) -> Self {
         let n = mesh.halfedge_count();
-        Self {
-            angle: Field::from_fn(n, |h| mesh.corner_angle(h)),
-            cotangent: Field::from_fn(n, |h| mesh.cotangent(h)),
-            length: Field::from_fn(n, |h| mesh.vector(h).norm()),
-            area: Field::from_fn(mesh.face_count(), |f| mesh.area(f)),
-        }
+        let [mut angle, mut cotangent, mut length] = [(); 3].map(|()| Field::filled(n, 0.0));
+        let area = Field::from_fn(mesh.face_count(), |f| {
+            let points = mesh.face_positions(f);
+            let sides = [0, 1, 2].map(|k| points[(k + 1) % 3] - points[k]);
+            let double_area = sides[0].cross(&sides[1]).norm();
+            let halfedges = mesh.face_halfedges(f);
+            for k in 0..3 {
+                let (next, last) = ((k + 1) % 3, (k + 2) % 3);
+                length[halfedges[k]] = sides[k].norm();
+                angle[halfedges[k]] = f64::atan2(double_area, -sides[k].dot(&sides[last]));
+                cotangent[halfedges[k]] = -sides[next].dot(&sides[last]) / double_area;
+            }
+            0.5 * double_area
+        });
+        Self { angle, cotangent, length, area }
     }
 }
 

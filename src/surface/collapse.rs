@@ -5,7 +5,7 @@ use std::{cmp::Reverse, collections::BinaryHeap};
 use super::edit::EditMesh;
 use crate::{
     geom::Vec3,
-    mesh::{HalfedgeId, Id, VertexId},
+    mesh::{FaceId, HalfedgeId, Id, VertexId},
 };
 
 /// Edges in the order of their price, cheapest first; equal prices in the order of their ids, so that the result does not
@@ -42,7 +42,7 @@ impl EdgeQueue {
     /// Sets the price of the edge of `h`, replacing any earlier one. Prices below 0 count as 0.
     pub fn set(&mut self, mesh: &EditMesh, h: HalfedgeId, price: f64) {
         let edge = mesh.edge(h);
-        self.remove(edge);
+        self.expire(edge);
         self.heap.push(Reverse(Entry::new(price, edge, self.versions[edge.index()])));
     }
 
@@ -69,15 +69,20 @@ impl EdgeQueue {
     pub fn remove_for_collapse(&mut self, mesh: &EditMesh, h: HalfedgeId) {
         for side in [Some(h), mesh.twin(h)].into_iter().flatten() {
             for edge in [side, mesh.next(side), mesh.previous(side)] {
-                self.remove(edge);
+                self.expire(edge);
                 if let Some(twin) = mesh.twin(edge) {
-                    self.remove(twin);
+                    self.expire(twin);
                 }
             }
         }
     }
 
-    fn remove(&mut self, h: HalfedgeId) {
+    /// Takes the edge of `h` out, if it is in.
+    pub fn remove(&mut self, mesh: &EditMesh, h: HalfedgeId) {
+        self.expire(mesh.edge(h));
+    }
+
+    fn expire(&mut self, h: HalfedgeId) {
         if self.versions.len() <= h.index() {
             self.versions.resize(h.index() + 1, 0);
         }
@@ -100,6 +105,17 @@ pub struct Guard {
 /// first.
 pub type FanFace = (HalfedgeId, [Vec3; 3]);
 
+/// The faces that a collapse of `h` removes.
+pub fn dying(mesh: &EditMesh, h: HalfedgeId) -> Vec<FaceId> {
+    [Some(h), mesh.twin(h)].into_iter().flatten().map(|side| mesh.face(side)).collect()
+}
+
+/// The faces around `v` after it has moved to `position`.
+pub fn star_after(mesh: &EditMesh, v: VertexId, position: Vec3) -> Vec<FanFace> {
+    let corners = |out| [position, mesh.position(mesh.head(out)), mesh.position(mesh.apex(out))];
+    mesh.outgoing(v).map(|out| (mesh.next(out), corners(out))).collect()
+}
+
 /// The faces around the vertex that a collapse of `h` leaves at `position`.
 pub fn fan_after(mesh: &EditMesh, h: HalfedgeId, position: Vec3) -> Vec<FanFace> {
     let ends = [mesh.tail(h), mesh.head(h)];
@@ -113,6 +129,30 @@ pub fn fan_after(mesh: &EditMesh, h: HalfedgeId, position: Vec3) -> Vec<FanFace>
         }
     }
     fan
+}
+
+fn unit(n: Vec3) -> Vec3 {
+    n.try_normalize(0.0).unwrap_or_else(Vec3::zeros)
+}
+
+/// The smallest cosine between the normals of neighbouring faces of the fan that a collapse of `h` leaves, and of these and
+/// the faces around them.
+pub fn sharpest_fold(mesh: &EditMesh, h: HalfedgeId, fan: &[FanFace]) -> f64 {
+    let normals: Vec<Vec3> = fan.iter().map(|(_, [a, b, c])| unit((b - a).cross(&(c - a)))).collect();
+    let ends = [mesh.tail(h), mesh.head(h)];
+    let mut sharpest = f64::INFINITY;
+    for (i, (opposite, _)) in fan.iter().enumerate() {
+        for (j, (other, _)) in fan.iter().enumerate() {
+            if mesh.head(*opposite) == mesh.tail(*other) {
+                sharpest = sharpest.min(normals[i].dot(&normals[j]));
+            }
+        }
+        let outside = mesh.twin(*opposite).filter(|t| !ends.contains(&mesh.apex(*t)));
+        if let Some(outside) = outside {
+            sharpest = sharpest.min(normals[i].dot(&unit(mesh.area_vector(mesh.face(outside)))));
+        }
+    }
+    sharpest
 }
 
 /// Shape of a triangle: 1 if equilateral, 0 if degenerate (4 √3 area over the sum of the squared sides).
@@ -147,24 +187,11 @@ impl Guard {
     }
 
     fn folds_allowed(&self, mesh: &EditMesh, h: HalfedgeId, fan: &[FanFace]) -> bool {
-        let unit = |n: Vec3| n.try_normalize(0.0).unwrap_or_else(Vec3::zeros);
-        let normals: Vec<Vec3> = fan.iter().map(|(_, [a, b, c])| unit((b - a).cross(&(c - a)))).collect();
-        let ends = [mesh.tail(h), mesh.head(h)];
-        let mut sharpest = f64::INFINITY;
-        for (i, (opposite, _)) in fan.iter().enumerate() {
-            for (j, (other, _)) in fan.iter().enumerate() {
-                if mesh.head(*opposite) == mesh.tail(*other) {
-                    sharpest = sharpest.min(normals[i].dot(&normals[j]));
-                }
-            }
-            let outside = mesh.twin(*opposite).filter(|t| !ends.contains(&mesh.apex(*t)));
-            if let Some(outside) = outside {
-                sharpest = sharpest.min(normals[i].dot(&unit(mesh.area_vector(mesh.face(outside)))));
-            }
-        }
+        let sharpest = sharpest_fold(mesh, h, fan);
         if sharpest >= self.min_fold {
             return true;
         }
+        let ends = [mesh.tail(h), mesh.head(h)];
         let around = ends.into_iter().flat_map(|v| mesh.outgoing(v)).flat_map(|out| [out, mesh.next(out)]);
         let before = around.filter_map(|h| Some([h, mesh.twin(h)?].map(|h| unit(mesh.area_vector(mesh.face(h))))));
         sharpest >= before.map(|[n, m]| n.dot(&m)).fold(f64::INFINITY, f64::min)

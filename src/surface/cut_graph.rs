@@ -18,12 +18,13 @@ const ROOTS: usize = 4;
 /// Rounds of arc exchange at most; it has settled after two or three.
 const EXCHANGES: usize = 8;
 
-/// Adds to `cut` what opens every component of the mesh into a disk, short in the sense of `weight` (positive): handles
+/// Adds to `cut` what opens every component of `faces` into a disk, short in the sense of `weight` (positive): handles
 /// are cut, boundary loops and the `terminals` joined. A closed component of genus 0 without two terminals is opened
 /// along a path between the two vertices where `curvature` is largest. Edges cut before are kept, and the components
-/// meant are those of the mesh as it is opened by them.
+/// meant are those of the mesh as it is opened by them; `faces` must be whole ones.
 pub fn cut_to_disks(
     mesh: &TriMesh,
+    faces: &[FaceId],
     weight: &Field<EdgeId, f64>,
     curvature: &Field<VertexId, f64>,
     terminals: &[VertexId],
@@ -32,12 +33,11 @@ pub fn cut_to_disks(
 ) -> Result<(), Cancelled> {
     let mut builder = ChartBuilder::new(mesh);
     let kept = cut.clone();
-    let all: Vec<FaceId> = mesh.faces().collect();
     let mut is_terminal = Field::filled(mesh.vertex_count(), false);
     for &v in terminals {
         is_terminal[v] = true;
     }
-    for faces in builder.components(&all, &|e| kept[e]) {
+    for faces in builder.components(faces, &|e| kept[e]) {
         let chart = builder.chart(faces, &|e| kept[e]);
         let handles = handle_cut(mesh, &chart, weight);
         if !handles.is_empty() {

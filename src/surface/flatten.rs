@@ -5,12 +5,13 @@
 //! of an interior vertex, k = π − Σ angles the exterior angle of a boundary vertex; l boundary edge lengths.
 use super::{
     chart::{Chart, ChartBuilder, Metric},
+    isometric::{Excess, Isometry},
     paths::{EdgeGraph, joining_tree},
 };
 use crate::{
     geom::Vec2,
     mesh::{EdgeId, FaceId, Field, HalfedgeId, VertexId},
-    numeric::sparse::{Cholesky, SparseError, SymmetricMatrix},
+    numeric::sparse::{Analysis, Cholesky, SparseError, SymmetricMatrix},
 };
 
 const NONE: u32 = u32::MAX;
@@ -56,6 +57,65 @@ pub enum FlattenError {
     },
 }
 
+/// The interior Laplacian A_II of a chart before it is factored.
+#[derive(Debug)]
+pub struct InteriorLaplacian {
+    /// Row of each interior vertex; `u32::MAX` on the boundary.
+    pub row: Vec<u32>,
+    /// The interior vertices, by row.
+    pub interior: Vec<u32>,
+    /// A_II.
+    pub matrix: SymmetricMatrix,
+    /// For each halfedge of the chart the values of `matrix` that its weight goes into: the diagonal entries of tail and
+    /// head, and the entry of both; `u32::MAX` for none.
+    slots: Vec<[u32; 3]>,
+}
+
+impl InteriorLaplacian {
+    /// With the true weights.
+    pub fn new(metric: &Metric, chart: &Chart) -> Self {
+        let mut row = vec![NONE; chart.vertex_count()];
+        let mut interior = Vec::new();
+        for v in (0..chart.vertex_count()).filter(|&v| !chart.on_boundary[v]) {
+            row[v] = interior.len() as u32;
+            interior.push(v as u32);
+        }
+        let inner = |i: u32, j: u32| row[i as usize] != NONE && row[j as usize] != NONE;
+        let pairs: Vec<(u32, u32)> = chart
+            .halfedges()
+            .filter(|&(_, i, j)| inner(i, j))
+            .map(|(_, i, j)| (row[i as usize], row[j as usize]))
+            .collect();
+        let (matrix, offdiagonal) = SymmetricMatrix::with_pattern(interior.len(), &pairs);
+        let mut offdiagonal = offdiagonal.into_iter();
+        let diagonal = |v: u32| if row[v as usize] == NONE { NONE } else { matrix.diagonal_slot(row[v as usize]) };
+        let slots = chart
+            .halfedges()
+            .map(|(_, i, j)| {
+                let both = if inner(i, j) { offdiagonal.next() } else { None };
+                [diagonal(i), diagonal(j), both.unwrap_or(NONE)]
+            })
+            .collect();
+        let mut out = Self { row, interior, matrix, slots };
+        out.set_weights(metric, chart, f64::NEG_INFINITY);
+        out
+    }
+
+    /// Every halfedge weight at least `clamp`.
+    fn set_weights(&mut self, metric: &Metric, chart: &Chart, clamp: f64) {
+        let values = self.matrix.values_mut();
+        values.fill(0.0);
+        for ((h, _, _), slots) in chart.halfedges().zip(&self.slots) {
+            let weight = weight(metric, h).max(clamp);
+            for (&slot, sign) in slots.iter().zip([1.0, 1.0, -1.0]) {
+                if slot != NONE {
+                    values[slot as usize] += sign * weight;
+                }
+            }
+        }
+    }
+}
+
 /// The interior Laplacian of a chart, factored, and the log factors that follow from the isometric boundary.
 #[derive(Debug)]
 pub struct Flattener<'a> {
@@ -74,32 +134,29 @@ impl<'a> Flattener<'a> {
     /// Factors A_II and solves A_II u_I = −K_I. The chart may have any number of components and loops as long as each
     /// component has a boundary. This alone tells the largest |u| of all pieces at once.
     pub fn new(metric: &'a Metric, chart: &'a Chart) -> Result<Self, FlattenError> {
-        let mut row = vec![NONE; chart.vertex_count()];
-        let mut interior = Vec::new();
-        for v in (0..chart.vertex_count()).filter(|&v| !chart.on_boundary[v]) {
-            row[v] = interior.len() as u32;
-            interior.push(v as u32);
-        }
+        let mut laplacian = InteriorLaplacian::new(metric, chart);
+        let refuse = |source: SparseError, laplacian: &InteriorLaplacian| {
+            let vertex = match source {
+                SparseError::NotPositiveDefinite { index } | SparseError::NotFinite { row: index, .. } => {
+                    laplacian.interior[index]
+                }
+                SparseError::TooLarge { .. } => 0,
+            };
+            FlattenError::Laplacian { face: chart.faces[0], vertex: chart.origin[vertex as usize], source }
+        };
+        let analysis = Analysis::new(&laplacian.matrix).map_err(|source| refuse(source, &laplacian))?;
         // Weights of either sign are right, but next to slivers rounding can cost definiteness: then all weights are
         // raised to a small positive one, which makes the matrix an M-matrix.
-        let (clamp, factor) = match Cholesky::new(&laplacian(metric, chart, &row, interior.len(), f64::NEG_INFINITY)) {
+        let (clamp, factor) = match analysis.factor(&laplacian.matrix) {
             Ok(factor) => (f64::NEG_INFINITY, factor),
             Err(_) => {
                 let sum: f64 = chart.halfedges().map(|it| weight(metric, it.0).abs().min(1e3)).sum();
                 let clamp = CLAMPED_WEIGHT * sum / (3.0 * chart.faces.len() as f64);
-                let matrix = laplacian(metric, chart, &row, interior.len(), clamp);
-                let factor = Cholesky::new(&matrix).map_err(|source| {
-                    let (SparseError::NotPositiveDefinite { index } | SparseError::NotFinite { row: index, .. }) =
-                        source
-                    else {
-                        return FlattenError::Laplacian { face: chart.faces[0], vertex: chart.origin[0], source };
-                    };
-                    let vertex = chart.origin[interior[index] as usize];
-                    FlattenError::Laplacian { face: chart.faces[0], vertex, source }
-                })?;
-                (clamp, factor)
+                laplacian.set_weights(metric, chart, clamp);
+                (clamp, analysis.factor(&laplacian.matrix).map_err(|source| refuse(source, &laplacian))?)
             }
         };
+        let InteriorLaplacian { row, interior, .. } = laplacian;
         let mut out = Self { chart, metric, row, interior, factor, clamp, log_factor: vec![0.0; chart.vertex_count()] };
         let sums = angle_sums(metric, chart);
         let mut u: Vec<f64> = out.interior.iter().map(|&v| sums[v as usize] - std::f64::consts::TAU).collect();
@@ -113,11 +170,6 @@ impl<'a> Flattener<'a> {
     /// Log conformal factor u per local vertex; 0 on the boundary.
     pub fn log_factor(&self) -> &[f64] {
         &self.log_factor
-    }
-
-    /// Largest |u|.
-    pub fn max_log_factor(&self) -> f64 {
-        self.log_factor.iter().fold(0.0, |max, u| u.abs().max(max))
     }
 
     /// Exterior angles of the flat boundary, k̃ = k + (A u)_B, per local vertex (0 in the interior). On a disk they sum
@@ -136,12 +188,6 @@ impl<'a> Flattener<'a> {
             }
         }
         out
-    }
-
-    /// Flat interior angle π − k̃ per local vertex on the boundary; 0 in the interior.
-    pub fn interior_angles(&self) -> Vec<f64> {
-        let exterior = self.exterior_angles().into_iter().zip(&self.chart.on_boundary);
-        exterior.map(|(angle, &boundary)| if boundary { std::f64::consts::PI - angle } else { 0.0 }).collect()
     }
 
     /// Plane coordinates per local vertex, mm: the best-fit closed curve with the new exterior angles (lengths changed
@@ -219,24 +265,28 @@ impl<'a> Flattener<'a> {
 pub struct FlatDomain {
     /// Plane coordinates per local vertex, mm.
     pub uv: Vec<Vec2>,
-    /// Log conformal factor per local vertex.
+    /// Log scale per local vertex: the mean of ½ ln (area ratio) around it.
     pub log_factor: Vec<f64>,
     /// Flat interior angle per local vertex on the boundary, radians; 0 in the interior.
     pub interior_angle: Vec<f64>,
+    /// How far it is from the limit of stretch.
+    pub excess: Excess,
 }
 
-/// Flattens a connected chart with any number of boundary loops, made by `builder` with `cut`. Several loops are joined by
-/// slits, the disk that leaves is flattened, and the slits are welded: where their sides lie further apart than
-/// `tolerance` (mm) the chart does not lie flat as it is, which is an error.
+/// Flattens a connected chart with any number of boundary loops, made by `builder` with `cut`, and polishes it to a
+/// limit ([`Isometry::polish`]). Several loops are
+/// joined by slits, the disk that leaves is flattened, and the slits are welded: where their sides lie further apart than
+/// `weld` (mm) the chart does not lie flat as it is, which is an error.
 pub fn flatten_domain(
     builder: &mut ChartBuilder,
     metric: &Metric,
     chart: &Chart,
     cut: &impl Fn(EdgeId) -> bool,
-    tolerance: f64,
+    weld: f64,
+    limit: Limit,
 ) -> Result<FlatDomain, FlattenError> {
     if chart.loops.len() <= 1 {
-        return flatten_disk(metric, chart);
+        return Ok(polished(metric, chart, Flattener::new(metric, chart)?.flatten()?, limit));
     }
     let mesh = builder.mesh();
     let length = Field::from_fn(mesh.edge_count(), |e| metric.length[mesh.halfedge(e)]);
@@ -246,62 +296,65 @@ pub fn flatten_domain(
         .collect();
     slits.sort_unstable();
     let disk = builder.chart(chart.faces.clone(), &|e| cut(e) || slits.binary_search(&e).is_ok());
-    let flat = flatten_disk(metric, &disk)?;
-    let n = chart.vertex_count();
-    let mut out =
-        FlatDomain { uv: vec![Vec2::repeat(f64::NAN); n], log_factor: vec![0.0; n], interior_angle: vec![0.0; n] };
-    let mut seen = vec![false; disk.vertex_count()];
-    let corners = chart.corners.iter().flatten().zip(disk.corners.iter().flatten());
-    for (&v, &copy) in corners {
+    let flat = Flattener::new(metric, &disk)?.flatten()?;
+    let mut uv = vec![Vec2::repeat(f64::NAN); chart.vertex_count()];
+    for (&v, &copy) in chart.corners.iter().flatten().zip(disk.corners.iter().flatten()) {
         let (v, copy) = (v as usize, copy as usize);
-        if std::mem::replace(&mut seen[copy], true) {
-            continue;
-        }
-        let gap = (out.uv[v] - flat.uv[copy]).norm();
-        if gap > tolerance {
+        let gap = (uv[v] - flat[copy]).norm();
+        if gap > weld {
             return Err(FlattenError::DoesNotClose { face: chart.faces[0], vertex: chart.origin[v], gap });
         }
         // The first copy stands for all: the others lie within the tolerance.
         if gap.is_nan() {
-            out.uv[v] = flat.uv[copy];
-            out.log_factor[v] = flat.log_factor[copy];
-        }
-        if chart.on_boundary[v] {
-            out.interior_angle[v] += flat.interior_angle[copy];
+            uv[v] = flat[copy];
         }
     }
-    Ok(out)
+    Ok(polished(metric, chart, uv, limit))
 }
 
-/// Flattens a disk.
-pub fn flatten_disk(metric: &Metric, chart: &Chart) -> Result<FlatDomain, FlattenError> {
-    let flattener = Flattener::new(metric, chart)?;
-    let interior_angle = flattener.interior_angles();
-    Ok(FlatDomain { uv: flattener.flatten()?, log_factor: flattener.log_factor, interior_angle })
+/// What a layout is polished to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limit {
+    /// Limit of the principal stretch max |ln σ| of a triangle.
+    pub stretch: f64,
+    /// Share of the area that may exceed it.
+    pub allowed: f64,
+}
+
+impl Limit {
+    /// For all but a thousandth of the area: single slivers do not decide.
+    pub fn new(stretch: f64) -> Self {
+        Self { stretch, allowed: 0.001 }
+    }
+}
+
+/// A layout polished to `limit` and measured.
+pub fn polished(metric: &Metric, chart: &Chart, mut uv: Vec<Vec2>, limit: Limit) -> FlatDomain {
+    let excess = Isometry::new(metric, chart).polish(&mut uv, limit.stretch, limit.allowed);
+    let n = chart.vertex_count();
+    let (mut interior_angle, mut log_factor, mut areas) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+    for (&f, corners) in chart.faces.iter().zip(&chart.corners) {
+        let flat = corners.map(|v| uv[v as usize]);
+        let ratio = crate::geom::signed_area(&flat) / metric.area[f];
+        for k in 0..3 {
+            let v = corners[k] as usize;
+            let (next, last) = (flat[(k + 1) % 3] - flat[k], flat[(k + 2) % 3] - flat[k]);
+            if chart.on_boundary[v] {
+                interior_angle[v] += f64::atan2(crate::geom::cross2(next, last), next.dot(&last));
+            }
+            areas[v] += metric.area[f];
+            log_factor[v] += metric.area[f] * 0.5 * ratio.max(f64::MIN_POSITIVE).ln();
+        }
+    }
+    for (sum, area) in log_factor.iter_mut().zip(areas) {
+        *sum /= area;
+    }
+    FlatDomain { uv, log_factor, interior_angle, excess }
 }
 
 /// Share of one face in the weight of an edge.
 fn weight(metric: &Metric, h: HalfedgeId) -> f64 {
     0.5 * metric.cotangent[h]
-}
-
-/// A_II with every halfedge weight at least `clamp`.
-fn laplacian(metric: &Metric, chart: &Chart, row: &[u32], n: usize, clamp: f64) -> SymmetricMatrix {
-    let mut triplets = Vec::with_capacity(9 * chart.faces.len());
-    for (h, i, j) in chart.halfedges() {
-        let weight = weight(metric, h).max(clamp);
-        let (i, j) = (row[i as usize], row[j as usize]);
-        if i != NONE {
-            triplets.push((i, i, weight));
-        }
-        if j != NONE {
-            triplets.push((j, j, weight));
-        }
-        if i != NONE && j != NONE {
-            triplets.push((i, j, -weight));
-        }
-    }
-    SymmetricMatrix::from_triplets(n, &triplets)
 }
 
 /// Sum of the corner angles at each local vertex.

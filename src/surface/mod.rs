@@ -6,6 +6,7 @@ pub mod cut_graph;
 pub mod distortion;
 pub mod edit;
 pub mod flatten;
+pub mod isometric;
 pub mod opening;
 pub mod overlap;
 pub mod paths;

@@ -161,6 +161,44 @@ fn ctrl_c_leaves_no_half_file_and_the_next_run_goes_on() {
     assert_eq!(cached(&next), [("coarsen".to_owned(), true)]);
 }
 
+#[cfg(unix)]
+#[test]
+fn an_interrupted_develop_goes_on_after_its_last_round() {
+    let (broken, whole) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let mesh = fixture("bumpy.obj");
+    let args = [&mesh, "--to", "develop", "--set", "develop.rounds=6", "--set", "develop.curve=[\"2 %\"]"];
+    let mut child = Command::new(env!("CARGO_BIN_EXE_fabricate"))
+        .args([&["run"], &args[..], &["--out", &broken.path().display().to_string(), "--quiet"]].concat())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    let draft = broken.path().join(".cache/unfinished-develop.bin");
+    while !draft.exists() {
+        assert!(child.try_wait().unwrap().is_none(), "it ended before a round was kept");
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert!(draft.exists());
+    let (next, other) = (job(broken.path(), &args), job(whole.path(), &args));
+    assert!(!draft.exists(), "a finished stage leaves nothing unfinished");
+    assert_eq!(next["develop"]["curve"].as_array().unwrap().len(), 1);
+    assert_eq!(settled(next), settled(other));
+    assert!(files(broken.path()) == files(whole.path()));
+    assert!(whole.path().join("preview/round-06.png").exists() && whole.path().join("preview/deviation.svg").exists());
+}
+
+#[test]
+fn one_triangle_is_developable_already() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = folder.path().join("triangle.obj");
+    fs::write(&mesh, "v 0 0 0\nv 80 0 0\nv 0 60 0\nf 1 2 3\n").unwrap();
+    let report = job(&folder.path().join("out"), &[&mesh.display().to_string(), "--to", "develop"]);
+    assert_eq!(report["develop"]["rounds"][0]["stopped"], "developable already");
+    assert_eq!(report["develop"]["hausdorff_bound_pct"], 0.0);
+    assert_eq!(report["status"], "ok", "{}", report["checks"]);
+}
+
 /// Name, config, exit code, and what the complaint must hold.
 const BAD_CONFIGS: &[(&str, &str, i32, &[&str])] = &[
     ("no mesh", "version = 1\n", 2, &["the config names no mesh"]),
@@ -172,6 +210,30 @@ const BAD_CONFIGS: &[(&str, &str, i32, &[&str])] = &[
         "[input]\nmesh = \"MESH\"\n[develop]\nenergi = 1\n",
         2,
         &["[develop]", "unknown field `energi`", "job.toml:4:1"],
+    ),
+    (
+        "no rounds",
+        "[input]\nmesh = \"MESH\"\n[develop]\nrounds = 0\n",
+        2,
+        &["`rounds` must be between 1 and 100, not 0", "job.toml:"],
+    ),
+    (
+        "unknown energy",
+        "[input]\nmesh = \"MESH\"\n[develop]\nenergy = \"willmore\"\n",
+        2,
+        &["must be one of covariance", "job.toml:"],
+    ),
+    (
+        "no deviation",
+        "[input]\nmesh = \"MESH\"\n[develop]\nmax_deviation = 0\n",
+        2,
+        &["`max_deviation` must be between", "job.toml:"],
+    ),
+    (
+        "optimiser without derivatives",
+        "[input]\nmesh = \"MESH\"\n[[develop.round]]\nenergy = \"intrinsic\"\noptimizer = \"levenberg\"\n",
+        2,
+        &["`round.optimizer` \"levenberg\" cannot minimise \"intrinsic\"", "write \"auto\"", "job.toml:"],
     ),
     ("unknown table", "[input]\nmesh = \"MESH\"\n[devellop]\n", 2, &["unknown table [devellop]", "job.toml:3"]),
     ("unknown recipe", "recipe = \"developpable\"\n", 2, &["unknown recipe", "developable"]),

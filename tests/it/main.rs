@@ -2,6 +2,8 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
 mod board;
+mod energies;
+mod figures;
 mod files;
 mod fixtures;
 mod job;

@@ -16,13 +16,13 @@ fn options(stretch: f64) -> cut::Options {
 
 fn developable(mesh: TriMesh) -> DevelopableMesh {
     let energy = Field::filled(mesh.vertex_count(), 0.0);
-    DevelopableMesh { mesh, energy, max_deviation: 0.0, rounds: vec![] }
+    DevelopableMesh { mesh, energy, max_deviation: 0.0, rounds: vec![], tradeoffs: vec![] }
 }
 
 fn run(mesh: TriMesh, stretch: f64) -> (DevelopableMesh, CutMesh, Flattening) {
     let input = developable(mesh);
     let cut = cut(&input, &options(stretch), &Monitor::silent()).unwrap();
-    let flat = flatten(&cut, stretch, &Monitor::silent()).unwrap();
+    let flat = flatten(&cut, &Monitor::silent()).unwrap();
     (input, cut, flat)
 }
 
@@ -85,7 +85,7 @@ fn check_laws(name: &str, input: &DevelopableMesh, cut: &CutMesh, flat: &Flatten
     let quality = quality(cut, flat);
     assert!(quality.flipped.is_empty(), "{name}: {:?}", quality.flipped);
     assert!(flat.overlaps.is_empty(), "{name}: {:?}", flat.overlaps);
-    assert!(flat.log_factor.iter().all(|u| u.abs() <= flat.stretch_limit), "{name}");
+    assert!(quality.share_over_limit <= 0.001, "{name}: {}", quality.share_over_limit);
     let mut contours = vec![Vec::new(); count];
     for boundary in mesh.boundary_loops() {
         let contour: Vec<Vec2> = boundary.iter().map(|&h| flat.uv[mesh.tail(h)]).collect();
@@ -135,7 +135,7 @@ fn exact_developables_lie_flat_without_stretch() {
         check_laws(name, &input, &cut, &flat);
         let quality = quality(&cut, &flat);
         assert!(quality.max_log_scale.0 <= 1e-6, "{name}: {:?}", quality.max_log_scale);
-        assert!(quality.max_principal_stretch <= 1e-6, "{name}: {:?}", quality.max_principal_stretch);
+        assert!(quality.max_principal_stretch.0 <= 1e-6, "{name}: {:?}", quality.max_principal_stretch);
         assert_eq!(cut.pieces.len(), 1, "{name} lies flat in one piece");
         if name == "annulus" {
             assert!(cut.seams.is_empty(), "a flat ring is not cut");

@@ -2,19 +2,19 @@
 
 mod isotropic;
 mod quadric;
+mod source;
 pub mod stage;
 #[cfg(test)]
 mod tests;
 mod tolerance;
 
-pub use isotropic::{IsotropicOptions, remesh};
-
 use crate::{
-    mesh::{Bvh, MeshError, TriMesh, distance},
+    mesh::{Bvh, FaceId, MeshError, TriMesh, distance},
     numeric::{Cancelled, Monitor},
 };
 
-use tolerance::Tolerance;
+use isotropic::Target;
+use tolerance::{Test, Tolerance};
 
 /// What [`simplify`] should reach.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,6 +25,27 @@ pub struct QuadricOptions {
     pub max_error: Option<f64>,
     /// Edges with a larger angle between the normals of their faces are creases, radians.
     pub feature_angle: f64,
+}
+
+/// What [`remesh`] should reach.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct IsotropicOptions {
+    /// Size of the faces.
+    pub density: Density,
+    /// Distance to keep between the surfaces, mm: edges are made shorter than asked where that is needed. Usually kept, but
+    /// not promised: measure it.
+    pub max_error: Option<f64>,
+    /// Edges with a larger angle between the normals of their faces are creases, radians.
+    pub feature_angle: f64,
+}
+
+/// How fine an isotropic mesh is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Density {
+    /// Length of edges, mm.
+    EdgeLength(f64),
+    /// Number of faces, reached within a few percent before `max_error` adds some.
+    Faces(usize),
 }
 
 /// Why coarsening failed.
@@ -53,14 +74,14 @@ pub enum CoarsenError {
 /// Hausdorff distance to `source` is proven to be no larger. With neither the result is the source.
 pub fn simplify(source: &TriMesh, options: &QuadricOptions, monitor: &Monitor) -> Result<TriMesh, CoarsenError> {
     let QuadricOptions { faces, max_error, feature_angle } = *options;
-    let Some(max_error) = max_error else {
-        return quadric::simplify(source, faces, None, feature_angle, monitor);
-    };
     let bvh = Bvh::new(source);
-    let mut limit = max_error;
+    let Some(max_error) = max_error else {
+        return quadric::simplify(source, &bvh, faces, None, feature_angle, monitor);
+    };
+    let mut limit = SHRINK * max_error;
     loop {
-        let tolerance = Tolerance::new(source, &bvh, limit);
-        let result = quadric::simplify(source, faces, Some(tolerance), feature_angle, monitor)?;
+        let tolerance = Tolerance::new(source, &bvh, limit, Test::Proven);
+        let result = quadric::simplify(source, &bvh, faces, Some(tolerance), feature_angle, monitor)?;
         let bounds = distance::two_sided_bounds(source, &result, RESOLUTION, monitor)?;
         if bounds.upper <= max_error || result.face_count() == source.face_count() {
             return Ok(result);
@@ -71,7 +92,23 @@ pub fn simplify(source: &TriMesh, options: &QuadricOptions, monitor: &Monitor) -
     }
 }
 
+/// Makes a mesh of nearly equilateral faces on the surface of `source`, whose boundary and creases it follows.
+pub fn remesh(source: &TriMesh, options: &IsotropicOptions, monitor: &Monitor) -> Result<TriMesh, CoarsenError> {
+    let (length, faces) = match options.density {
+        Density::EdgeLength(length) => (length, None),
+        // Equilateral triangles of side l have the area √3/4 l².
+        Density::Faces(faces) => ((source.total_area() / faces as f64 * 4.0 / 3.0_f64.sqrt()).sqrt(), Some(faces)),
+    };
+    let target = Target { length, faces, feature_angle: options.feature_angle };
+    isotropic::remesh(source, &Bvh::new(source), &target, options.max_error, monitor)
+}
+
 /// How closely the distance of a result is bounded.
 const RESOLUTION: f64 = 0.01;
 /// The limit shrinks by at least this factor per attempt.
 const SHRINK: f64 = 0.97;
+
+/// Smallest angle of a face, radians.
+fn smallest_angle(mesh: &TriMesh, f: FaceId) -> f64 {
+    mesh.face_halfedges(f).into_iter().map(|h| mesh.corner_angle(h)).fold(f64::INFINITY, f64::min)
+}

@@ -10,16 +10,18 @@
 use super::{CoarsenError, tolerance::Tolerance};
 use crate::{
     geom::Vec3,
-    mesh::{HalfedgeId, Id, TriMesh, VertexId},
+    mesh::{Bvh, HalfedgeId, Id, TriMesh, VertexId},
     numeric::Monitor,
     surface::{
-        collapse::{EdgeQueue, Guard},
+        collapse::{EdgeQueue, FanFace, Guard, dying, fan_after, sharpest_fold},
         edit::EditMesh,
     },
 };
 
 /// Weight of the isotropic part against the plane of the same face.
 const ISOTROPIC: f64 = 1e-4;
+/// Each of these steps takes off as many digits of its pull as that weight has.
+const PROXIMAL: usize = 2;
 /// Weight of a boundary plane against the face planes, per squared length of the edge.
 const BOUNDARY: f64 = 10.0;
 /// Weight of a crease plane, likewise.
@@ -30,6 +32,8 @@ const GUARDS: [Guard; 3] = [
     Guard { min_cosine: 0.2, min_quality: 0.05, min_fold: -0.5 },
     Guard { min_cosine: 0.0, min_quality: 1e-3, min_fold: -0.9 },
 ];
+/// Cosine of an angle between neighbouring faces that is no fold: 60°.
+const GENTLE: f64 = 0.5;
 /// Collapses between two looks at the monitor.
 const BEAT: usize = 1 << 10;
 
@@ -40,6 +44,9 @@ struct Quadric {
     a: [f64; 6],
     b: Vec3,
     c: f64,
+    /// The part of the points in `a` (times the identity) and in `b`.
+    point_a: f64,
+    point_b: Vec3,
 }
 
 impl Quadric {
@@ -49,13 +56,16 @@ impl Quadric {
         }
         self.b += other.b;
         self.c += other.c;
+        self.point_a += other.point_a;
+        self.point_b += other.point_b;
     }
 
     /// Adds `weight` times the squared distance to the plane through `point` with normal `n`; `n` of length s counts s² times.
     fn add_plane(&mut self, n: &Vec3, point: &Vec3, weight: f64) {
         let offset = n.dot(point);
         let terms = [n.x * n.x, n.x * n.y, n.x * n.z, n.y * n.y, n.y * n.z, n.z * n.z];
-        self.add(&Self { a: terms.map(|it| weight * it), b: n * (weight * offset), c: weight * offset * offset });
+        let (b, c) = (n * (weight * offset), weight * offset * offset);
+        self.add(&Self { a: terms.map(|it| weight * it), b, c, ..Self::default() });
     }
 
     /// Adds `weight` times the squared distance to `point`.
@@ -64,6 +74,8 @@ impl Quadric {
             a: [weight, 0.0, 0.0, weight, 0.0, weight],
             b: point * weight,
             c: weight * point.norm_squared(),
+            point_a: weight,
+            point_b: point * weight,
         });
     }
 
@@ -77,10 +89,11 @@ impl Quadric {
         (x.dot(&(self.times(x) - self.b * 2.0)) + self.c).max(0.0)
     }
 
-    /// The point of least value, by Cramer's rule on the step from `near`; `None` if the system is singular.
+    /// The point of least value, by Cramer's rule on the step from `near`; `None` if the system is singular. More steps, with
+    /// the points at the place of the one before (proximal point iteration), take their pull off the planes: creases and
+    /// corners stay where they are to rounding, and only directions that no plane determines are left to the points.
     fn minimum(&self, near: &Vec3) -> Option<Vec3> {
         let [xx, xy, xz, yy, yz, zz] = self.a;
-        let r = self.b - self.times(near);
         let (p, q, s) = (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy);
         let determinant = xx * p + xy * q + xz * s;
         let largest = xx.max(yy).max(zz);
@@ -88,8 +101,13 @@ impl Quadric {
             return None;
         }
         let (t, u, v) = (xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy);
-        let step = Vec3::new(p * r.x + q * r.y + s * r.z, q * r.x + t * r.y + u * r.z, s * r.x + u * r.y + v * r.z);
-        Some(near + step / determinant)
+        let step = |r: Vec3| {
+            Vec3::new(p * r.x + q * r.y + s * r.z, q * r.x + t * r.y + u * r.z, s * r.x + u * r.y + v * r.z)
+                / determinant
+        };
+        let planes = |x: Vec3| (self.b - self.point_b) - (self.times(&x) - x * self.point_a);
+        let first = near + step(self.b - self.times(near));
+        Some((0..PROXIMAL).fold(first, |x, _| x + step(planes(x))))
     }
 }
 
@@ -106,14 +124,17 @@ struct Simplifier<'a> {
     sharp: f64,
     queue: EdgeQueue,
     tolerance: Option<Tolerance<'a>>,
+    source: &'a TriMesh,
+    bvh: &'a Bvh,
 }
 
 /// Collapses edges until `faces` are left, or until every further collapse would break the tolerance. With neither the
 /// mesh stays as it is.
-pub(super) fn simplify(
-    source: &TriMesh,
+pub(super) fn simplify<'a>(
+    source: &'a TriMesh,
+    bvh: &'a Bvh,
     faces: Option<usize>,
-    tolerance: Option<Tolerance>,
+    tolerance: Option<Tolerance<'a>>,
     feature_angle: f64,
     monitor: &Monitor,
 ) -> Result<TriMesh, CoarsenError> {
@@ -125,6 +146,8 @@ pub(super) fn simplify(
         sharp: feature_angle.cos(),
         queue: EdgeQueue::default(),
         tolerance,
+        source,
+        bvh,
     };
     for e in source.edges() {
         let crease = source.dihedral_cosine(e).is_some_and(|cosine| cosine < run.sharp);
@@ -165,10 +188,10 @@ impl Simplifier<'_> {
             if !self.mesh.can_collapse(h) {
                 continue;
             }
-            let allowed = self.offers(h).into_iter().find(|(_, position)| {
-                guard.allows(&self.mesh, h, *position)
-                    && self.tolerance.as_mut().is_none_or(|it| it.allows(&self.mesh, h, *position))
-            });
+            let allowed = self
+                .offers(h)
+                .into_iter()
+                .find(|&(_, position)| guard.allows(&self.mesh, h, position) && self.stays_near(h, position));
             match allowed {
                 // Dearer than it was taken for: it has to wait its turn.
                 Some((cost, _)) if cost > price && self.queue.lowest().is_some_and(|next| next < cost) => {
@@ -267,10 +290,30 @@ impl Simplifier<'_> {
         self.queue.set(&self.mesh, h, price);
     }
 
+    /// Whether the collapse turns no face away from the source next to it, and keeps to the tolerance.
+    fn stays_near(&mut self, h: HalfedgeId, position: Vec3) -> bool {
+        let fan = fan_after(&self.mesh, h, position);
+        // Where the surface is nearly flat no face can look away from it, unless all do.
+        (sharpest_fold(&self.mesh, h, &fan) > GENTLE || !fan.iter().any(|it| self.turns_away(it)))
+            && self.tolerance.as_mut().is_none_or(|it| it.allows(&self.mesh, &dying(&self.mesh, h), &fan))
+    }
+
+    /// Whether a face looks the other way than the source closest to its centroid, and did not before. Normals of faces are
+    /// compared with those before at every collapse, but may turn over step by step.
+    fn turns_away(&self, (h, after): &FanFace) -> bool {
+        let f = self.mesh.face(*h);
+        let away = |[a, b, c]: [Vec3; 3]| {
+            // Faces keep the ids that they had in the source, and their place as long as they are small.
+            let near = self.bvh.closest_from((a + b + c) / 3.0, f).face;
+            (b - a).cross(&(c - a)).dot(&self.source.area_vector(near)) < 0.0
+        };
+        away(*after) && !away(self.mesh.face_positions(f))
+    }
+
     fn collapse(&mut self, h: HalfedgeId, position: Vec3) {
         let kept = self.mesh.head(h);
         if let Some(tolerance) = &mut self.tolerance {
-            tolerance.collapse(&self.mesh, h);
+            tolerance.commit(&self.mesh, &dying(&self.mesh, h), &fan_after(&self.mesh, h, position));
         }
         self.queue.remove_for_collapse(&self.mesh, h);
         self.mesh.collapse(h, position);

@@ -1,56 +1,54 @@
-//! The `[coarsen]` table and the adapter to the kernels.
+//! The `[coarsen]` table and the adapter to the kernel.
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::{CoarsenError, IsotropicOptions, QuadricOptions, remesh, simplify};
+use super::{CoarsenError, Density, IsotropicOptions, QuadricOptions, remesh, simplify, smallest_angle};
 use crate::{
-    mesh::{TriMesh, distance::SurfaceDistance},
+    mesh::{
+        TriMesh,
+        distance::{SurfaceDistance, two_sided_bounds},
+    },
     model::SourceMesh,
     numeric::Monitor,
     profile::{Angle, Extent, Length, Profiles},
-    stage::{Cx, KeyError, Section, Stage},
+    stage::{Check, Cx, KeyError, Section, Stage},
 };
 
-/// How to coarsen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Method {
-    /// Isotropic where the mesh is too fine or too thin for the next stage, else off.
-    Auto,
-    /// Edge collapse by quadric error.
-    Quadric,
-    /// Edges of one length.
-    Isotropic,
-    /// The input as it is.
-    Off,
-}
+/// Faces asked for when the table does not say: about 3 000 vertices, which the develop stage takes as they are.
+const FACES: usize = 6_000;
+/// "auto" keeps meshes up to this many faces.
+const MANY: usize = 20_000;
+/// "auto" remeshes a smaller mesh with bad faces to at least this many.
+const FEW: usize = 4_000;
+/// A face with a smaller angle than this is bad, degrees.
+const BAD_ANGLE: f64 = 8.0;
+/// "auto" remeshes when more than this share of the faces is bad.
+const BAD_SHARE: f64 = 0.02;
+/// Distance from the source that isotropic remeshing keeps to when the table does not say, percent of the diagonal.
+const REMESH_ERROR: f64 = 0.4;
+/// Share by which the proven distance may exceed the true one.
+const RESOLUTION: f64 = 0.01;
 
 /// The `[coarsen]` table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct CoarsenStage {
-    /// How.
+    /// How: see [`Method`].
     pub method: Method,
-    /// Number of faces to reach, about (isotropic) or at most (quadric).
+    /// Number of faces: reached exactly or short of it by one by "quadric", within some percent by "isotropic".
+    /// 6000 unless `max_error` ("quadric") or `edge_length` ("isotropic") takes its place.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub faces: Option<usize>,
-    /// With "quadric": largest distance to the input, either way; proven.
+    /// Largest distance from the input, either way: a length, or percent of the input's diagonal. "quadric" proves it and
+    /// stops there; "isotropic" makes more faces for it where needed, 0.4 % if not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub max_error: Option<Extent>,
-    /// With "isotropic": edge length, instead of `faces`.
+    /// Length of edges, instead of `faces`. For "isotropic" only.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub edge_length: Option<Length>,
-    /// Edges with a larger angle between their faces are creases and kept.
+    /// Edges whose faces make a larger angle are creases and are kept, degrees.
     pub feature_angle: Angle,
 }
-
-/// Faces when the config names none: about 3000 vertices, which the next stage handles in seconds.
-const FACES: usize = 6000;
-/// `auto` leaves meshes of up to so many faces as they are,
-const AUTO_FACES: usize = 20_000;
-/// unless more than this share of their faces
-const AUTO_THIN: f64 = 0.02;
-/// has an angle below this, radians (8°: what the barriers of the next stage keep).
-const AUTO_ANGLE: f64 = 0.14;
-/// Quadric collapse before remeshing leaves this many times the faces wanted, so that remeshing has something to choose.
-const HEAD_START: usize = 3;
 
 impl Default for CoarsenStage {
     fn default() -> Self {
@@ -59,46 +57,84 @@ impl Default for CoarsenStage {
             faces: None,
             max_error: None,
             edge_length: None,
-            feature_angle: Angle::degrees(50.0),
+            feature_angle: Angle::degrees(40.0),
+        }
+    }
+}
+
+/// How to coarsen, as it is written in the config.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// "isotropic" if the mesh has more than 20 000 faces, or more than asked for, or many bad ones; else "off".
+    Auto,
+    /// Edge collapse by quadric error: fewest faces for an error.
+    Quadric,
+    /// Remeshing with nearly equilateral faces.
+    Isotropic,
+    /// The mesh as it is.
+    Off,
+}
+
+/// What a table means for a mesh.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Plan {
+    Off,
+    Quadric(QuadricOptions),
+    Isotropic(IsotropicOptions),
+}
+
+impl Plan {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Off => "off",
+            Self::Quadric(_) => "quadric",
+            Self::Isotropic(_) => "isotropic",
         }
     }
 }
 
 impl CoarsenStage {
-    /// What `auto` means for this mesh.
-    fn method(&self, mesh: &TriMesh) -> Method {
-        let asked = self.faces.is_some() || self.edge_length.is_some();
+    fn plan(&self, mesh: &TriMesh) -> Plan {
+        let extent = |it: Extent| it.resolve(mesh.bounds().diagonal());
+        let feature_angle = self.feature_angle.radians;
+        let isotropic = |faces: usize| {
+            Plan::Isotropic(IsotropicOptions {
+                density: self.edge_length.map_or(Density::Faces(faces), |it| Density::EdgeLength(it.mm)),
+                max_error: Some(extent(self.max_error.unwrap_or(Extent::Percent(REMESH_ERROR)))),
+                feature_angle,
+            })
+        };
+        let count = mesh.face_count();
         match self.method {
-            Method::Auto if asked || mesh.face_count() > AUTO_FACES => Method::Isotropic,
+            Method::Off => Plan::Off,
+            Method::Isotropic => isotropic(self.faces.unwrap_or(FACES)),
+            Method::Quadric => Plan::Quadric(QuadricOptions {
+                faces: self.faces.or(self.max_error.is_none().then_some(FACES)),
+                max_error: self.max_error.map(extent),
+                feature_angle,
+            }),
             Method::Auto => {
-                let thin = |f: &_| mesh.face_halfedges(*f).iter().any(|&h| mesh.corner_angle(h) < AUTO_ANGLE);
-                let share = mesh.faces().filter(thin).count() as f64 / mesh.face_count() as f64;
-                if share > AUTO_THIN { Method::Isotropic } else { Method::Off }
+                let asked = self.edge_length.is_some() || self.faces.is_some_and(|faces| faces < count);
+                if asked || count > MANY || bad_share(mesh) > BAD_SHARE {
+                    isotropic(self.faces.unwrap_or(count.clamp(FEW, FACES)))
+                } else {
+                    Plan::Off
+                }
             }
-            other => other,
         }
     }
+}
 
-    fn isotropic(&self, source: &TriMesh, monitor: &Monitor<'_>) -> Result<TriMesh, CoarsenError> {
-        let faces = self.faces.unwrap_or(FACES);
-        // F equilateral triangles of side L have the area F √3/4 L².
-        let even = (source.total_area() * 4.0 / (3.0_f64.sqrt() * faces as f64)).sqrt();
-        let edge_length = self.edge_length.map_or(even, |it| it.mm);
-        let feature_angle = self.feature_angle.radians;
-        let wanted = source.total_area() * 4.0 / (3.0_f64.sqrt() * edge_length * edge_length);
-        let head_start = HEAD_START * wanted as usize;
-        let start = if source.face_count() > 2 * head_start {
-            simplify(source, &QuadricOptions { faces: Some(head_start), max_error: None, feature_angle }, monitor)?
-        } else {
-            source.clone()
-        };
-        remesh(source, &start, &IsotropicOptions { edge_length, feature_angle }, monitor)
-    }
+/// Share of the faces with a bad angle.
+fn bad_share(mesh: &TriMesh) -> f64 {
+    let bad = mesh.faces().filter(|&f| smallest_angle(mesh, f).to_degrees() < BAD_ANGLE).count();
+    bad as f64 / mesh.face_count() as f64
 }
 
 impl Stage for CoarsenStage {
     const NAME: &'static str = "coarsen";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type Input = SourceMesh;
     type Output = TriMesh;
     type Profile = ();
@@ -107,49 +143,137 @@ impl Stage for CoarsenStage {
     fn profile(_: &Profiles) {}
 
     fn check(&self) -> Result<(), KeyError> {
-        if let Some(faces) = self.faces {
-            KeyError::range("faces", faces as f64, 4.0, 1e8)?;
+        KeyError::range("faces", self.faces.unwrap_or(FACES) as f64, 4.0, 1e8)?;
+        match self.max_error {
+            Some(Extent::Percent(percent)) => KeyError::range("max_error", percent, 1e-6, 100.0)?,
+            Some(Extent::Length(length)) => KeyError::range("max_error", length.mm, 1e-9, 1e6)?,
+            None => {}
         }
         if let Some(length) = self.edge_length {
             KeyError::range("edge_length", length.mm, 1e-6, 1e6)?;
-        }
-        if let Some(error) = self.max_error {
-            KeyError::range("max_error", error.resolve(100.0), 1e-9, 1e6)?;
+            let refuse = |message: &str| Err(KeyError { key: "edge_length", message: message.to_owned() });
+            if self.faces.is_some() {
+                return refuse("says the same as `faces`: write one of them");
+            }
+            if matches!(self.method, Method::Quadric | Method::Off) {
+                return refuse("is for method = \"isotropic\" or \"auto\"");
+            }
         }
         KeyError::range("feature_angle", self.feature_angle.radians.to_degrees(), 1.0, 180.0)
     }
 
-    fn run(&self, source: &SourceMesh, (): &(), cx: &Cx) -> Result<TriMesh, CoarsenError> {
-        let mesh = &source.mesh;
-        match self.method(mesh) {
-            Method::Off | Method::Auto => Ok(mesh.clone()),
-            Method::Isotropic => self.isotropic(mesh, &cx.monitor),
-            Method::Quadric => {
-                let max_error = self.max_error.map(|it| it.resolve(mesh.bounds().diagonal()));
-                let faces = self.faces.or((max_error.is_none()).then_some(FACES));
-                let feature_angle = self.feature_angle.radians;
-                simplify(mesh, &QuadricOptions { faces, max_error, feature_angle }, &cx.monitor)
-            }
+    fn run(&self, source: &SourceMesh, _: &(), cx: &Cx) -> Result<TriMesh, CoarsenError> {
+        match self.plan(&source.mesh) {
+            Plan::Off => Ok(source.mesh.clone()),
+            Plan::Quadric(options) => simplify(&source.mesh, &options, &cx.monitor),
+            Plan::Isotropic(options) => remesh(&source.mesh, &options, &cx.monitor),
         }
     }
 
-    fn section(&self, source: &SourceMesh, (): &(), coarse: &TriMesh) -> Section {
-        let method = self.method(&source.mesh);
-        let distance = if method == Method::Off {
-            SurfaceDistance { hausdorff: 0.0, mean: 0.0 }
+    fn section(&self, source: &SourceMesh, _: &(), output: &TriMesh) -> Section {
+        let plan = self.plan(&source.mesh);
+        let diagonal = source.mesh.bounds().diagonal();
+        let smallest = output.faces().map(|f| smallest_angle(output, f)).fold(f64::INFINITY, f64::min);
+        let (sampled, bound) = if plan == Plan::Off {
+            (SurfaceDistance { hausdorff: 0.0, mean: 0.0 }, 0.0)
         } else {
-            SurfaceDistance::between(&source.mesh, coarse)
+            let bounds = two_sided_bounds(&source.mesh, output, RESOLUTION, &Monitor::silent())
+                .expect("a silent monitor never cancels");
+            (SurfaceDistance::between(&source.mesh, output), bounds.upper)
         };
-        let percent = 100.0 / source.mesh.bounds().diagonal();
-        Section::new(
-            "coarsen",
+        let percent = 100.0 / diagonal;
+        let section = Section::new(
+            Self::NAME,
             json!({
-                "method": method,
-                "vertices": coarse.vertex_count(),
-                "faces": coarse.face_count(),
-                "hausdorff_pct": distance.hausdorff * percent,
-                "mean_pct": distance.mean * percent,
+                "method": plan.name(),
+                "vertices": output.vertex_count(),
+                "faces": output.face_count(),
+                "min_angle_deg": smallest.to_degrees(),
+                "hausdorff_pct": sampled.hausdorff * percent,
+                "hausdorff_bound_pct": bound * percent,
+                "mean_pct": sampled.mean * percent,
             }),
-        )
+        );
+        match self.max_error {
+            Some(limit) => section.check(Check::at_most(
+                "coarsen.max_error",
+                bound * percent,
+                limit.resolve(diagonal) * percent,
+                "% of the diagonal",
+                "proven distance between the input and the coarse mesh; allow a larger coarsen.max_error or more faces",
+            )),
+            None => section,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::shapes;
+
+    fn table(text: &str) -> Result<CoarsenStage, String> {
+        let table: CoarsenStage = toml::from_str(text).map_err(|err| err.to_string())?;
+        table.check().map_err(|err| err.to_string())?;
+        Ok(table)
+    }
+
+    fn source(mesh: TriMesh) -> SourceMesh {
+        SourceMesh { mesh, file: "shape.obj".to_owned(), repairs: Vec::new(), up: 2 }
+    }
+
+    #[test]
+    fn tables_are_checked() {
+        assert_eq!(table(""), Ok(CoarsenStage::default()));
+        for (text, complaint) in [
+            ("faces = 2", "`faces` must be between"),
+            ("max_error = \"0 %\"", "`max_error` must be between"),
+            ("edge_length = 2.0\nfaces = 100", "write one of them"),
+            ("edge_length = 2.0\nmethod = \"quadric\"", "is for method"),
+            ("feature_angle = 0", "`feature_angle` must be between"),
+            ("method = \"magic\"", "unknown variant"),
+            ("face = 3", "unknown field"),
+        ] {
+            let found = table(text).unwrap_err();
+            assert!(found.contains(complaint), "{text}: {found}");
+        }
+        let full = table("method = \"quadric\"\nfaces = 500\nmax_error = \"0.5 %\"\nfeature_angle = 30").unwrap();
+        assert_eq!(toml::from_str::<CoarsenStage>(&toml::to_string(&full).unwrap()).unwrap(), full);
+    }
+
+    #[test]
+    fn auto_leaves_good_meshes_and_remeshes_others() {
+        let auto = CoarsenStage::default();
+        assert_eq!(auto.plan(&shapes::icosphere(10.0, 4)), Plan::Off);
+        let slivers = auto.plan(&shapes::cylinder(10.0, 500.0, 200, 2));
+        assert!(matches!(slivers, Plan::Isotropic(it) if it.density == Density::Faces(FEW)), "{slivers:?}");
+        let many = auto.plan(&shapes::icosphere(10.0, 6));
+        assert!(matches!(many, Plan::Isotropic(it) if it.density == Density::Faces(FACES)), "{many:?}");
+        let asked = table("faces = 1000").unwrap().plan(&shapes::icosphere(10.0, 4));
+        assert!(matches!(asked, Plan::Isotropic(it) if it.density == Density::Faces(1000)), "{asked:?}");
+    }
+
+    #[test]
+    fn the_section_says_what_was_done() {
+        let source = source(shapes::torus(30.0, 10.0, 60, 30));
+        let cx = Cx { seed: 0, monitor: Monitor::silent(), kept: None, keep: &|_| () };
+        for (text, method) in [
+            ("", "off"),
+            ("method = \"quadric\"\nfaces = 600\nmax_error = \"2 %\"", "quadric"),
+            ("method = \"isotropic\"\nfaces = 900", "isotropic"),
+        ] {
+            let stage = table(text).unwrap();
+            let output = stage.run(&source, &(), &cx).unwrap();
+            let section = stage.section(&source, &(), &output);
+            let values = &section.tables["coarsen"];
+            assert_eq!(values["method"], method);
+            assert_eq!(values["faces"], output.face_count());
+            let number = |key: &str| values[key].as_f64().unwrap();
+            assert!(number("mean_pct") <= number("hausdorff_pct"));
+            assert!(number("hausdorff_pct") <= number("hausdorff_bound_pct") + 1e-9);
+            assert_eq!(number("hausdorff_pct") == 0.0, method == "off");
+            assert!(section.checks.iter().all(|it| it.ok), "{:?}", section.checks);
+            assert_eq!(section.checks.len(), usize::from(stage.max_error.is_some()));
+        }
     }
 }

@@ -1,22 +1,41 @@
 //! Glues seams again where the pieces stay within the limit and flat.
+use std::collections::BTreeSet;
+
 use super::{CutError, search::Search};
 use crate::{mesh::EdgeId, surface::cut_graph::arcs};
 
 /// Passes over all seams at most; a pass ends the search when nothing was glued.
 const PASSES: usize = 6;
+/// Gluing ends when it has judged so many times the faces of the mesh: where almost every vertex must lie on a seam there
+/// are thousands of seams to try, and hardly one can be glued.
+const EFFORT: usize = 100;
 
 impl Search<'_> {
-    /// Tries to glue every arc of the cut, longest first, whole or in parts.
-    pub(super) fn join(&mut self) -> Result<(), CutError> {
+    /// Tries to glue every arc of the cut between pieces from `first` on, longest first, whole or in parts.
+    pub(super) fn join(&mut self, first: u32) -> Result<(), CutError> {
+        // Runs that could not be glued while the pieces beside them were these.
+        let mut failed: BTreeSet<(u32, u32, EdgeId, EdgeId, usize)> = BTreeSet::new();
+        let limit = self.judged + EFFORT * self.mesh.face_count();
         for _ in 0..PASSES {
             let mut runs: Vec<Vec<EdgeId>> =
                 arcs(self.mesh, &self.cut).into_iter().flat_map(|arc| self.gluable_runs(arc)).collect();
-            let length = |run: &[EdgeId]| run.iter().map(|&e| self.mesh.edge_length(e)).sum::<f64>();
-            runs.sort_by(|a, b| length(b).total_cmp(&length(a)).then_with(|| a.cmp(b)));
+            runs.sort_by(|a, b| self.length(b).total_cmp(&self.length(a)).then_with(|| a.cmp(b)));
             let mut glued = false;
             for run in runs {
                 self.monitor.check()?;
-                glued |= self.try_glue(&run)?;
+                if self.judged > limit {
+                    return Ok(());
+                }
+                let [p, q] = self.sides(run[0]);
+                let key = (p, q, run[0], run[run.len() - 1], run.len());
+                if p.min(q) < first || failed.contains(&key) {
+                    continue;
+                }
+                if self.try_glue(&run)? {
+                    glued = true;
+                } else {
+                    failed.insert(key);
+                }
             }
             if !glued {
                 break;
@@ -25,31 +44,45 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// The parts of an arc between vertices that must lie on a cut.
+    /// An arc, between vertices that must lie on a cut, and its halves; what is left of an arc is halved again in the next pass.
     fn gluable_runs(&self, arc: Vec<EdgeId>) -> Vec<Vec<EdgeId>> {
-        let mut out = Vec::new();
+        let mut whole = Vec::new();
         let mut run: Vec<EdgeId> = Vec::new();
         for e in arc {
             if let Some(&before) = run.last() {
                 let [a, b] = self.mesh.edge_vertices(e);
                 let shared = if self.mesh.edge_vertices(before).contains(&a) { a } else { b };
                 if self.must_cut[shared] || self.mesh.is_boundary_vertex(shared) {
-                    out.push(std::mem::take(&mut run));
+                    whole.push(std::mem::take(&mut run));
                 }
             }
             run.push(e);
         }
-        out.push(run);
+        whole.push(run);
+        let mut out = Vec::new();
+        for run in whole {
+            if run.len() > 1 {
+                let (a, b) = run.split_at(run.len() / 2);
+                out.extend([a.to_vec(), b.to_vec()]);
+            }
+            out.push(run);
+        }
         out
+    }
+
+    /// The pieces on both sides of a cut edge, the smaller number first.
+    pub(super) fn sides(&self, e: EdgeId) -> [u32; 2] {
+        let h = self.mesh.halfedge(e);
+        let twin = self.mesh.twin(h).expect("cuts run along inner edges");
+        let (p, q) = (self.piece_of[self.mesh.face(h)], self.piece_of[self.mesh.face(twin)]);
+        [p.min(q), p.max(q)]
     }
 
     fn try_glue(&mut self, run: &[EdgeId]) -> Result<bool, CutError> {
         if run.iter().any(|&e| !self.cut[e] || self.mesh.is_boundary_edge(e)) {
             return Ok(false);
         }
-        let h = self.mesh.halfedge(run[0]);
-        let twin = self.mesh.twin(h).expect("inner edges have two sides");
-        let (p, q) = (self.piece_of[self.mesh.face(h)], self.piece_of[self.mesh.face(twin)]);
+        let [p, q] = self.sides(run[0]);
         let live = |id: u32| self.pieces[id as usize].as_ref().expect("every face lies in a piece that lives");
         let mut faces = live(p).chart.faces.clone();
         if p != q {

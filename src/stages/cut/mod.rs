@@ -1,10 +1,12 @@
-//! Cuts a surface into pieces that lie flat: every piece a disk whose log factor stays within the material's stretch and
-//! whose outline in the plane is a simple polygon.
+//! Cuts a surface into pieces that lie flat: every piece a planar domain of which 99.9 % of the area, polished, stays
+//! within the material's stretch, and whose outline in the plane is a simple polygon.
 //!
-//! The limit is cheap to test: with the boundary kept isometric one sparse solve tells the largest |u| of a piece, and a
-//! cut through a vertex removes its curvature from the right-hand side. So cuts run to where |u| is largest, along
-//! creases; pieces that overlap themselves or fit on no sheet are divided; then whatever can be glued again within the limit is glued.
+//! What is far from the limit is found cheaply: with the boundary kept isometric one sparse solve tells the log factor u
+//! of a piece, and a cut through a vertex removes its curvature from the right-hand side. So cuts run to where |u| is
+//! largest, along creases; what is near the limit is laid flat and polished as it will be in the end. Pieces that overlap themselves or fit on no sheet are divided; then whatever can be glued again within the limit is glued, and single
+//! pieces and pairs of them are cut anew as long as that makes the seams shorter.
 mod divide;
+mod improve;
 mod join;
 mod piece;
 mod relieve;
@@ -22,7 +24,7 @@ use crate::{
 /// What to keep to.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
-    /// Largest |log factor| of a piece.
+    /// Limit of the principal stretch max |ln σ| of a triangle.
     pub stretch: f64,
     /// Developability energy above which a vertex is made a terminal of the first cut; `None`: terminals follow from the
     /// stretch alone.
@@ -54,14 +56,14 @@ pub fn cut(input: &DevelopableMesh, options: &Options, monitor: &Monitor) -> Res
     let mesh = &input.mesh;
     let is_terminal = |v| options.tolerance.is_some_and(|tolerance| input.energy[v] > tolerance);
     let found = search::search(mesh, is_terminal, options, monitor)?;
-    open(mesh, &found.cut, options.tolerance, found.terminals)
+    open(mesh, &found.cut, options, found.terminals)
 }
 
 /// The cut mesh of a set of cut edges, its pieces named and its seams labelled.
 fn open(
     mesh: &TriMesh,
     cut: &Field<EdgeId, bool>,
-    tolerance: Option<f64>,
+    options: &Options,
     seam_vertices: usize,
 ) -> Result<CutMesh, CutError> {
     let opening = opening::open(mesh, cut)?;
@@ -72,8 +74,9 @@ fn open(
         piece_of: Field::from_vec(opening.piece_of.iter().map(|&it| PieceId(it)).collect()),
         pieces: Field::from_fn(opening.pieces, |it: PieceId| Piece { name: letters(it.index()) }),
         seams,
-        tolerance: tolerance.unwrap_or(f64::INFINITY),
+        tolerance: options.tolerance.unwrap_or(f64::INFINITY),
         seam_vertices,
+        stretch: options.stretch,
     })
 }
 

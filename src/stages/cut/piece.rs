@@ -5,21 +5,27 @@ use crate::{
     mesh::{EdgeId, HalfedgeId, TriMesh},
     surface::{
         chart::{Chart, ChartBuilder, Metric},
-        flatten::{FlattenError, Flattener, flatten_domain},
+        flatten::{FlattenError, Flattener, Limit, flatten_domain, polished},
+        isometric::Isometry,
         overlap::close_edges,
     },
 };
+
+/// A piece is laid flat and polished when all but the allowed share of its area has |u| within so many times the limit:
+/// the polish spreads what the conformal map piles up.
+const POLISHABLE: f64 = 3.0;
 
 /// A piece and how it would lie.
 #[derive(Debug, Clone)]
 pub(super) struct Piece {
     /// What it is made of.
     pub(super) chart: Chart,
-    /// Log factor per local vertex.
+    /// Log factor u of the conformal map per local vertex.
     pub(super) log_factor: Vec<f64>,
-    /// Largest |log factor|.
-    pub(super) max_log_factor: f64,
-    /// Flat contours, in the order of the chart's loops; empty while the log factor exceeds the limit, or when the chart
+    /// Area of the faces around each local vertex that exceed the limit although polished; empty where it was not tried or
+    /// succeeded.
+    pub(super) excess: Vec<f64>,
+    /// Flat contours, in the order of the chart's loops; empty where the stretch exceeds the limit, or when the chart
     /// does not lie flat as it is.
     pub(super) contours: Vec<Vec<Vec2>>,
     /// Pairs of contour edges that cross, touch, enclose less than the least opening, or lie too far apart for the sheet.
@@ -28,8 +34,7 @@ pub(super) struct Piece {
 }
 
 impl Piece {
-    /// Judges a connected chart with at least one loop, as far as needed: the log factor first, then the outline of a disk,
-    /// and only for a chart with holes the whole domain.
+    /// Judges a connected chart with at least one loop, as far as needed: the log factor first, then the polished layout.
     pub(super) fn new(
         builder: &mut ChartBuilder,
         metric: &Metric,
@@ -37,39 +42,40 @@ impl Piece {
         cut: &impl Fn(EdgeId) -> bool,
         options: &Options,
     ) -> Result<Self, FlattenError> {
+        let limit = Limit::new(options.stretch);
         let flattener = Flattener::new(metric, &chart)?;
-        let (log_factor, max_log_factor) = (flattener.log_factor().to_vec(), flattener.max_log_factor());
-        let mut flat = None;
-        if max_log_factor <= options.stretch {
-            flat = if chart.is_disk() {
-                Some((flattener.boundary_curve(), flattener.interior_angles()))
-            } else {
-                match flatten_domain(builder, metric, &chart, cut, options.clearance) {
-                    Ok(domain) => Some((domain.uv, domain.interior_angle)),
-                    Err(FlattenError::DoesNotClose { .. }) => None,
-                    Err(error) => return Err(error),
-                }
-            };
+        let log_factor = flattener.log_factor().to_vec();
+        let near = share_above(metric, &chart, &log_factor, POLISHABLE * options.stretch) <= limit.allowed;
+        let disk = if near && chart.is_disk() { Some(flattener.flatten()?) } else { None };
+        let mut out = Self { chart, log_factor, excess: Vec::new(), contours: Vec::new(), conflicts: Vec::new() };
+        let chart = &out.chart;
+        if !near {
+            return Ok(out);
         }
-        let (mut contours, mut conflicts) = (Vec::new(), Vec::new());
-        if let Some((uv, angles)) = flat {
-            contours = chart.loops.iter().map(|path| path.iter().map(|&(_, v)| uv[v as usize]).collect()).collect();
-            conflicts = close_edges(&contours, options.clearance);
-            let mut first = 0;
-            for path in &chart.loops {
-                let n = path.len();
-                for (i, &(_, v)) in path.iter().enumerate() {
-                    if angles[v as usize] > std::f64::consts::TAU - options.least_opening {
-                        conflicts.push((first + (i + n - 1) % n, first + i));
-                    }
-                }
-                first += n;
+        let flat = if let Some(uv) = disk {
+            // The polish moves the outline by little: what crosses itself before will cross itself after.
+            let contours = contours(chart, &uv);
+            let crossing = close_edges(&contours, f64::MIN_POSITIVE);
+            if !crossing.is_empty() {
+                (out.contours, out.conflicts) = (contours, crossing);
+                return Ok(out);
             }
-            if let Some(size) = options.sheet {
-                conflicts.extend(too_far_apart(&contours[0], size));
+            polished(metric, chart, uv, limit)
+        } else {
+            match flatten_domain(builder, metric, chart, cut, options.clearance, limit) {
+                Ok(domain) => domain,
+                Err(FlattenError::DoesNotClose { .. }) => return Ok(out),
+                Err(error) => return Err(error),
             }
+        };
+        if flat.excess.is_within(limit.allowed) {
+            let contours = contours(chart, &flat.uv);
+            out.conflicts = conflicts(chart, &contours, &flat.interior_angle, options);
+            out.contours = contours;
+        } else {
+            out.excess = excess(metric, chart, &flat.uv, options.stretch);
         }
-        Ok(Self { chart, log_factor, max_log_factor, contours, conflicts })
+        Ok(out)
     }
 
     /// Whether it may be cut out as it is.
@@ -96,4 +102,52 @@ impl Piece {
         }
         out
     }
+}
+
+fn contours(chart: &Chart, uv: &[Vec2]) -> Vec<Vec<Vec2>> {
+    chart.loops.iter().map(|path| path.iter().map(|&(_, v)| uv[v as usize]).collect()).collect()
+}
+
+fn conflicts(chart: &Chart, contours: &[Vec<Vec2>], angle: &[f64], options: &Options) -> Vec<(usize, usize)> {
+    let mut out = close_edges(contours, options.clearance);
+    let mut first = 0;
+    for path in &chart.loops {
+        let n = path.len();
+        for (i, &(_, v)) in path.iter().enumerate() {
+            if angle[v as usize] > std::f64::consts::TAU - options.least_opening {
+                out.push((first + (i + n - 1) % n, first + i));
+            }
+        }
+        first += n;
+    }
+    if let Some(size) = options.sheet {
+        out.extend(too_far_apart(&contours[0], size));
+    }
+    out
+}
+
+/// Area of the faces around each local vertex that exceed the limit.
+fn excess(metric: &Metric, chart: &Chart, uv: &[Vec2], stretch: f64) -> Vec<f64> {
+    let isometry = Isometry::new(metric, chart);
+    let mut out = vec![0.0; chart.vertex_count()];
+    for (k, corners) in chart.corners.iter().enumerate() {
+        if isometry.principal_stretch(k, uv) > stretch {
+            for &v in corners {
+                out[v as usize] += metric.area[chart.faces[k]];
+            }
+        }
+    }
+    out
+}
+
+/// Share of the area in faces whose mean |u| exceeds `limit`.
+fn share_above(metric: &Metric, chart: &Chart, log_factor: &[f64], limit: f64) -> f64 {
+    let (mut above, mut total) = (0.0, 0.0);
+    for (&f, corners) in chart.faces.iter().zip(&chart.corners) {
+        total += metric.area[f];
+        if corners.iter().map(|&v| log_factor[v as usize]).sum::<f64>().abs() > 3.0 * limit {
+            above += metric.area[f];
+        }
+    }
+    above / total
 }

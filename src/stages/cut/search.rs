@@ -13,6 +13,12 @@ use crate::{
 const CREASE_ANGLE: f64 = 0.5;
 /// An edge whose ends have this |angle defect| together counts as a full crease, radians.
 const CREASE_DEFECT: f64 = 0.2;
+/// Vertices that |u| of so many times the limit could not spare lie on the first cut.
+const CERTAIN: f64 = 3.0;
+/// How much creases attract the seams of the first solution.
+const ATTRACTION: f64 = 2.0;
+/// Peaks relieved at a time in the first solution, and one more for every thousand vertices.
+const PEAKS: usize = 8;
 /// What one more piece is worth, as a share of the bounding-box diagonal.
 const NEW_PIECE: f64 = 0.03;
 
@@ -20,7 +26,14 @@ const NEW_PIECE: f64 = 0.03;
 pub(super) struct Search<'a> {
     pub(super) mesh: &'a TriMesh,
     pub(super) metric: Metric,
+    pub(super) curvature: Field<VertexId, f64>,
     pub(super) weight: Field<EdgeId, f64>,
+    /// Peaks of stretch that are relieved at a time.
+    pub(super) peaks: usize,
+    /// What one more piece is worth, as a length of seam, mm.
+    pub(super) new_piece: f64,
+    /// Faces of all pieces judged so far: the effort spent.
+    pub(super) judged: usize,
     pub(super) must_cut: Field<VertexId, bool>,
     pub(super) builder: ChartBuilder<'a>,
     pub(super) options: &'a Options,
@@ -47,16 +60,21 @@ pub(super) fn search(
     monitor: &Monitor,
 ) -> Result<Found, CutError> {
     let curvature = angle_defects(mesh);
-    let weight = seam_weight(mesh, &curvature);
+    let weight = seam_weight(mesh, &curvature, ATTRACTION);
     let metric = Metric::new(mesh);
-    let must_cut = must_cut(mesh, &metric, &curvature, options.stretch);
+    let must_cut = must_cut(mesh, &metric, &curvature, CERTAIN * options.stretch);
     let mut cut = Field::filled(mesh.edge_count(), false);
     let terminals: Vec<VertexId> = mesh.vertices().filter(|&v| must_cut[v] || is_terminal(v)).collect();
-    cut_to_disks(mesh, &weight, &curvature, &terminals, &mut cut, monitor)?;
+    let all: Vec<FaceId> = mesh.faces().collect();
+    cut_to_disks(mesh, &all, &weight, &curvature, &terminals, &mut cut, monitor)?;
     let mut search = Search {
         mesh,
         metric,
+        curvature,
         weight,
+        peaks: PEAKS,
+        new_piece: NEW_PIECE * mesh.bounds().diagonal(),
+        judged: 0,
         must_cut,
         builder: ChartBuilder::new(mesh),
         options,
@@ -65,21 +83,24 @@ pub(super) fn search(
         pieces: Vec::new(),
         piece_of: Field::filled(mesh.face_count(), u32::MAX),
     };
-    let all: Vec<FaceId> = mesh.faces().collect();
+    monitor.progress(0.1, "cutting to where it stretches most");
     search.settle(&all)?;
-    search.join()?;
+    monitor.progress(0.3, "gluing what can be glued");
+    search.join(0)?;
+    search.improve()?;
+    search.join(0)?;
     Ok(Found { cut: search.cut, terminals: terminals.len() })
 }
 
-/// Length / (1 + 2 S) with S = min(1, dihedral / 0.5) + min(1, (|K_a| + |K_b|) / 0.2): seams run along creases and
+/// Length / (1 + a S), a the `attraction`, with S = min(1, dihedral / 0.5) + min(1, (|K_a| + |K_b|) / 0.2): seams run along creases and
 /// through curvature, where they are of use.
-fn seam_weight(mesh: &TriMesh, curvature: &Field<VertexId, f64>) -> Field<EdgeId, f64> {
+fn seam_weight(mesh: &TriMesh, curvature: &Field<VertexId, f64>, attraction: f64) -> Field<EdgeId, f64> {
     Field::from_fn(mesh.edge_count(), |e| {
         let bend = mesh.dihedral_cosine(e).map_or(0.0, |it| it.clamp(-1.0, 1.0).acos());
         let defect: f64 = mesh.edge_vertices(e).iter().map(|&v| curvature[v].abs()).sum();
         let crease = (bend / CREASE_ANGLE).min(1.0) + (defect / CREASE_DEFECT).min(1.0);
         // A zero weight would let paths wander.
-        mesh.edge_length(e).max(f64::MIN_POSITIVE) / (1.0 + 2.0 * crease)
+        mesh.edge_length(e).max(f64::MIN_POSITIVE) / (1.0 + attraction * crease)
     })
 }
 
@@ -100,6 +121,7 @@ fn must_cut(mesh: &TriMesh, metric: &Metric, curvature: &Field<VertexId, f64>, l
 impl Search<'_> {
     /// Judges the component that `faces` are with the edges cut now.
     pub(super) fn judge(&mut self, faces: Vec<FaceId>) -> Result<Piece, CutError> {
+        self.judged += faces.len();
         let Self { builder, metric, cut, options, .. } = self;
         let chart = builder.chart(faces, &|e| cut[e]);
         Ok(Piece::new(builder, metric, chart, &|e| cut[e], options)?)
@@ -107,7 +129,6 @@ impl Search<'_> {
 
     /// Cuts `faces` (whole components of the mesh as it is opened now) until every piece is good.
     pub(super) fn settle(&mut self, faces: &[FaceId]) -> Result<(), CutError> {
-        let new_piece = NEW_PIECE * self.mesh.bounds().diagonal();
         let mut work = self.builder.components(faces, &|e| self.cut[e]);
         while let Some(faces) = work.pop() {
             self.monitor.check()?;
@@ -118,9 +139,9 @@ impl Search<'_> {
             let edges = if piece.is_good() {
                 Vec::new()
             } else if piece.contours.is_empty() {
-                relieving_cuts(self.mesh, &piece, &self.weight, self.options.stretch)
+                relieving_cuts(self.mesh, &piece, &self.weight, self.peaks)
             } else {
-                dividing_path(self.mesh, &self.metric, &piece, &self.weight, new_piece).unwrap_or_default()
+                dividing_path(self.mesh, &self.metric, &piece, &self.weight, self.new_piece).unwrap_or_default()
             };
             for &e in &edges {
                 self.cut[e] = true;
@@ -151,6 +172,16 @@ impl Search<'_> {
             self.cut[e] = true;
         }
         Ok(piece)
+    }
+
+    /// Changes how much creases attract seams.
+    pub(super) fn attract(&mut self, attraction: f64) {
+        self.weight = seam_weight(self.mesh, &self.curvature, attraction);
+    }
+
+    /// Total length of edges, mm.
+    pub(super) fn length(&self, edges: &[EdgeId]) -> f64 {
+        edges.iter().map(|&e| self.mesh.edge_length(e)).sum()
     }
 
     pub(super) fn insert(&mut self, piece: Piece) {

@@ -13,7 +13,7 @@ use crate::{
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CutStage {
-    /// Stretch to keep to, as |log scale|; the material's when absent.
+    /// Limit of the principal stretch |ln σ| of the flat layout; the material's when absent.
     pub stretch: Option<f64>,
     /// Vertices with a developability energy above this lie on a seam; when absent the seams follow from the stretch.
     pub tolerance: Option<f64>,
@@ -34,10 +34,6 @@ impl Default for CutStage {
 /// The least angle by which a slit opens at its end, radians: less is closed by the width of any tool.
 const LEAST_OPENING: f64 = 1e-3;
 
-/// Share of the stretch that the log factor of a vertex may use: triangles of the flat layout stretch more than their
-/// vertices say, by up to 1.8 times for 99.9 % of the area on the meshes tried.
-const SHARE: f64 = 0.55;
-
 /// Share of the free area of a sheet that a piece may fill: nesting works on a grid and needs a little room.
 const FITTING: f64 = 0.98;
 
@@ -52,7 +48,7 @@ pub struct Stock {
 
 impl Stage for CutStage {
     const NAME: &'static str = "cut";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     type Input = DevelopableMesh;
     type Output = CutMesh;
     type Profile = Stock;
@@ -82,7 +78,7 @@ impl Stage for CutStage {
 
     fn run(&self, input: &DevelopableMesh, stock: &Stock, cx: &Cx) -> Result<CutMesh, CutError> {
         let options = Options {
-            stretch: SHARE * self.stretch.unwrap_or(stock.stretch),
+            stretch: self.stretch.unwrap_or(stock.stretch),
             tolerance: self.tolerance,
             clearance: self.clearance.mm,
             least_opening: LEAST_OPENING,

@@ -6,10 +6,13 @@
 //! are eigenvectors of A) and of squared length μ_m, so
 //!   H = 2 [ Σ j_k j_kᵀ − Σ_m g_m g_mᵀ / (μ_m + λ) ],  g_m = Σ_k √θ_k ⟨t_m, N_k⟩ j_k.
 //! Barriers and fidelity: Gauss–Newton.
+use nalgebra::Matrix3;
+use rayon::prelude::*;
+
 use super::{Evaluator, barrier, curves::Curves, fidelity::Fidelity};
 use crate::{
     geom::Vec3,
-    mesh::{EdgeId, FaceId, Id, TriMesh, VertexId},
+    mesh::{EdgeId, FaceId, HalfedgeId, Id, TriMesh, VertexId},
     numeric::{
         sparse::{Analysis, SparseError, SymmetricMatrix},
         symmetric3::jacobi,
@@ -18,6 +21,11 @@ use crate::{
 
 /// Added to μ_m, so that stars that are flat to the last digit do not divide by zero.
 const FLAT: f64 = 1e-9;
+
+/// Stars per task.
+const STARS: usize = 128;
+/// Tasks whose results are held before they are added, so that memory stays bounded.
+const TASKS: usize = 64;
 
 /// The pattern of the Hessian in 3 × 3 blocks and its analysis; serves one connectivity.
 #[derive(Debug)]
@@ -28,8 +36,64 @@ pub(super) struct Curvature {
     starts: Vec<u32>,
     /// First value of each block column in the matrix.
     values: Vec<usize>,
+    /// Interior vertices of valence > 3, the stars that have energy, and the first of each one's cells.
+    stars: Vec<(VertexId, u32)>,
+    /// Where the blocks of each star go, lower triangle by rows, as in [`Star::blocks`].
+    star_cells: Vec<Cell>,
+    /// Where the blocks of each face go, lower triangle by rows.
+    face_cells: Vec<[Cell; 6]>,
     pub(super) analysis: Analysis,
     pattern: SymmetricMatrix,
+}
+
+/// Where a 3 × 3 block lies among the values of the matrix.
+#[derive(Debug, Clone, Copy)]
+struct Cell {
+    /// Its first value.
+    at: u32,
+    /// Height of its block column.
+    height: u32,
+    place: Place,
+}
+
+/// What of a block is stored.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Place {
+    /// It lies on the diagonal: its lower triangle.
+    Diagonal,
+    /// All of it.
+    Below,
+    /// It lies above the diagonal: its mirror image is stored.
+    Above,
+}
+
+impl Cell {
+    /// Adds the block ∂²/∂a∂b (and, by symmetry, its mirror image).
+    #[inline(always)]
+    fn add(self, out: &mut [f64], block: &Matrix3<f64>) {
+        let (at, height) = (self.at as usize, self.height as usize);
+        // Column c of a block column begins at its own diagonal, so its rows lie c places higher.
+        let columns = [at, at + height - 1, at + 2 * height - 3];
+        match self.place {
+            Place::Below => {
+                for c in 0..3 {
+                    let column = &mut out[columns[c]..columns[c] + 3];
+                    (0..3).for_each(|r| column[r] += block[(r, c)]);
+                }
+            }
+            Place::Above => {
+                for c in 0..3 {
+                    let column = &mut out[columns[c]..columns[c] + 3];
+                    (0..3).for_each(|r| column[r] += block[(c, r)]);
+                }
+            }
+            Place::Diagonal => {
+                for c in 0..3 {
+                    (c..3).for_each(|r| out[columns[c] + r] += block[(r, c)]);
+                }
+            }
+        }
+    }
 }
 
 /// Geometry of one face and its derivatives by its corners.
@@ -107,7 +171,24 @@ impl Curvature {
             starts.push(rows.len() as u32);
         }
         let (pattern, _) = SymmetricMatrix::with_pattern(3 * mesh.vertex_count(), &pairs);
-        Ok(Self { rows, starts, values, analysis: Analysis::new(&pattern)?, pattern })
+        let analysis = Analysis::new(&pattern)?;
+        let (stars, star_cells, face_cells) = (Vec::new(), Vec::new(), Vec::new());
+        let mut curvature = Self { rows, starts, values, stars, star_cells, face_cells, analysis, pattern };
+        curvature.face_cells =
+            mesh.faces().map(|f| curvature.triangle_cells(mesh.face_vertices(f).map(|v| v.0))).collect();
+        let mut star = Vec::new();
+        for v in mesh.vertices().filter(|&v| !mesh.is_boundary_vertex(v) && mesh.face_degree(v) > 3) {
+            star.clear();
+            star.extend(std::iter::once(v.0).chain(mesh.outgoing(v).map(|h| mesh.head(h).0)));
+            curvature.stars.push((v, curvature.star_cells.len() as u32));
+            for p in 0..star.len() {
+                for q in 0..=p {
+                    let cell = curvature.cell(star[p], star[q]);
+                    curvature.star_cells.push(cell);
+                }
+            }
+        }
+        Ok(curvature)
     }
 
     /// A matrix of this pattern.
@@ -115,29 +196,37 @@ impl Curvature {
         self.pattern.clone()
     }
 
-    /// Adds the block ∂²/∂a∂b (and, by symmetry, its mirror image).
-    fn add(&self, out: &mut [f64], a: u32, b: u32, block: &nalgebra::Matrix3<f64>) {
+    /// Where the block of two vertices that meet goes.
+    fn cell(&self, a: u32, b: u32) -> Cell {
         if a < b {
-            return self.add(out, b, a, &block.transpose());
+            return Cell { place: Place::Above, ..self.cell(b, a) };
         }
         let (from, to) = (self.starts[b as usize] as usize, self.starts[b as usize + 1] as usize);
         let index = self.rows[from..to].binary_search(&a).expect("the pattern has every pair of a star");
-        let height = 3 * (to - from);
-        let mut column = self.values[b as usize] + 3 * index;
-        for c in 0..3 {
-            // Column c of a block column begins at its own diagonal, so its rows lie c places higher.
-            for r in if a == b { c } else { 0 }..3 {
-                out[column + r - c] += block[(r, c)];
-            }
-            column += height - c;
-        }
+        let at = (self.values[b as usize] + 3 * index) as u32;
+        let place = if a == b { Place::Diagonal } else { Place::Below };
+        Cell { at, height: 3 * (to - from) as u32, place }
+    }
+
+    fn triangle_cells(&self, [a, b, c]: [u32; 3]) -> [Cell; 6] {
+        [(a, a), (b, a), (b, b), (c, a), (c, b), (c, c)].map(|(p, q)| self.cell(p, q))
     }
 
     /// Adds `scale` · d dᵀ for the derivative d of some quantity by a few vertices.
     fn add_square<const N: usize>(&self, out: &mut [f64], vertices: [u32; N], d: [Vec3; N], scale: f64) {
         for p in 0..N {
             for q in 0..=p {
-                self.add(out, vertices[p], vertices[q], &(d[p] * d[q].transpose() * scale));
+                self.cell(vertices[p], vertices[q]).add(out, &(d[p] * d[q].transpose() * scale));
+            }
+        }
+    }
+
+    /// The same for the corners of a face.
+    fn add_face_square(&self, out: &mut [f64], face: FaceId, d: [Vec3; 3], scale: f64) {
+        let mut cells = self.face_cells[face.index()].iter();
+        for p in 0..3 {
+            for (q, cell) in (0..=p).zip(&mut cells) {
+                cell.add(out, &(d[p] * d[q].transpose() * scale));
             }
         }
     }
@@ -153,27 +242,27 @@ impl Curvature {
         let weights = evaluator.weights();
         let out = out.values_mut();
         out.fill(0.0);
-        let faces: Vec<Face> = mesh.faces().map(|f| Face::of(mesh, f)).collect();
-        let mut scratch = Star::default();
-        for v in mesh.vertices().filter(|&v| !mesh.is_boundary_vertex(v)) {
-            scratch.gather(mesh, v, &faces);
-            if scratch.corners.len() > 3 {
-                scratch.energy();
-                self.add_star(out, &scratch, evaluator.loss_slope(scratch.lambda));
-            }
+        let faces: Vec<Face> = (0..mesh.face_count())
+            .into_par_iter()
+            .with_min_len(STARS)
+            .map(|f| Face::of(mesh, FaceId::new(f)))
+            .collect();
+        self.add_stars(out, mesh, &faces, evaluator);
+        for v in mesh.vertices().filter(|&v| weights.defect > 0.0 && !mesh.is_boundary_vertex(v)) {
             self.add_defect(out, mesh, v, &faces, weights.defect);
         }
         for (f, face) in mesh.faces().zip(&faces) {
             for c in 0..3 {
                 let (_, slope) = barrier::ANGLE.root(face.angles[c]);
                 if slope != 0.0 && weights.angle > 0.0 {
-                    let vertices = [c, (c + 1) % 3, (c + 2) % 3].map(|k| face.vertices[k]);
-                    self.add_square(out, vertices, face.angle_gradient(c), 2.0 * weights.angle * slope * slope);
+                    let gradient = face.angle_gradient(c);
+                    let gradient = [0, 1, 2].map(|k| gradient[(k + 3 - c) % 3]);
+                    self.add_face_square(out, f, gradient, 2.0 * weights.angle * slope * slope);
                 }
             }
             if weights.area > 0.0 {
                 let ratio = face.area * evaluator.inverse_rest_area(f);
-                self.add_square(out, face.vertices, face.lift, weights.area * (ratio + 1.0 / ratio));
+                self.add_face_square(out, f, face.lift, weights.area * (ratio + 1.0 / ratio));
             }
         }
         if weights.fold > 0.0 {
@@ -182,10 +271,11 @@ impl Curvature {
             }
         }
         if let Some((hold, x)) = hold {
-            hold.curvature(x, |vertices, coordinates, block| {
+            hold.curvature(x, |face, _, coordinates, block| {
+                let mut cells = self.face_cells[face.index()].iter();
                 for p in 0..3 {
-                    for q in 0..=p {
-                        self.add(out, vertices[p], vertices[q], &(block * (coordinates[p] * coordinates[q])));
+                    for (q, cell) in (0..=p).zip(&mut cells) {
+                        cell.add(out, &(block * (coordinates[p] * coordinates[q])));
                     }
                 }
             });
@@ -195,22 +285,35 @@ impl Curvature {
     /// Adds the model of a curve term at `x`.
     pub(super) fn add_curves(&self, curves: &Curves, x: &[f64], out: &mut SymmetricMatrix) {
         let out = out.values_mut();
-        curves.curvature(x, |a, b, block| self.add(out, a, b, block));
+        curves.curvature(x, |a, b, block| self.cell(a, b).add(out, block));
     }
 
-    fn add_star(&self, out: &mut [f64], star: &Star, scale: f64) {
-        let n = star.vertices.len();
-        for p in 0..n {
-            for q in 0..=p {
-                let block = &star.blocks[p * (p + 1) / 2 + q];
-                self.add(out, star.vertices[p], star.vertices[q], &(block * scale));
+    /// The energy: stars modelled in parallel, added in order.
+    fn add_stars(&self, out: &mut [f64], mesh: &TriMesh, faces: &[Face], evaluator: &Evaluator) {
+        for batch in self.stars.chunks(STARS * TASKS) {
+            let blocks: Vec<Vec<Matrix3<f64>>> = batch
+                .par_chunks(STARS)
+                .map(|stars| {
+                    let (mut blocks, mut star) = (Vec::new(), Star::default());
+                    for &(v, _) in stars {
+                        star.gather(mesh, v, faces);
+                        star.energy();
+                        let scale = evaluator.loss_slope(star.lambda);
+                        blocks.extend(star.blocks.iter().map(|block| block * scale));
+                    }
+                    blocks
+                })
+                .collect();
+            let first = batch[0].1 as usize;
+            for (cell, block) in self.star_cells[first..].iter().zip(blocks.iter().flatten()) {
+                cell.add(out, block);
             }
         }
     }
 
     /// (|K| − 1.2)₊² where it acts.
     fn add_defect(&self, out: &mut [f64], mesh: &TriMesh, v: VertexId, faces: &[Face], weight: f64) {
-        let angle = |h: crate::mesh::HalfedgeId| faces[mesh.face(h).index()].angles[h.index() % 3];
+        let angle = |h: HalfedgeId| faces[mesh.face(h).index()].angles[h.index() % 3];
         let defect = std::f64::consts::TAU - mesh.outgoing(v).map(angle).sum::<f64>();
         if weight == 0.0 || defect.abs() <= barrier::DEFECT {
             return;
@@ -224,7 +327,7 @@ impl Curvature {
         }
         for (&a, x) in &d {
             for (&b, y) in d.range(..=a) {
-                self.add(out, a, b, &(x * y.transpose() * (2.0 * weight)));
+                self.cell(a, b).add(out, &(x * y.transpose() * (2.0 * weight)));
             }
         }
     }
@@ -267,11 +370,9 @@ struct StarCorner {
 /// The dense model of one star.
 #[derive(Default)]
 struct Star {
-    /// Centre, then its neighbours counter-clockwise.
-    vertices: Vec<u32>,
     corners: Vec<StarCorner>,
-    /// Lower triangle of 3 × 3 blocks.
-    blocks: Vec<nalgebra::Matrix3<f64>>,
+    /// Lower triangle of 3 × 3 blocks over the centre, then its neighbours counter-clockwise.
+    blocks: Vec<Matrix3<f64>>,
     /// g_1, g_2.
     turns: [Vec<Vec3>; 2],
     /// λ.
@@ -280,12 +381,9 @@ struct Star {
 
 impl Star {
     fn gather(&mut self, mesh: &TriMesh, v: VertexId, faces: &[Face]) {
-        self.vertices.clear();
         self.corners.clear();
-        self.vertices.push(v.0);
         for h in mesh.outgoing(v) {
             let (face, c) = (&faces[mesh.face(h).index()], h.index() % 3);
-            self.vertices.push(face.vertices[(c + 1) % 3]);
             self.corners.push(StarCorner {
                 normal: face.normal,
                 angle: face.angles[c],
@@ -299,7 +397,7 @@ impl Star {
     fn energy(&mut self) {
         let n = self.corners.len();
         self.blocks.clear();
-        self.blocks.resize((n + 1) * (n + 2) / 2, nalgebra::Matrix3::zeros());
+        self.blocks.resize((n + 1) * (n + 2) / 2, Matrix3::zeros());
         let mut a = [[0.0; 3]; 3];
         for corner in &self.corners {
             for i in 0..3 {

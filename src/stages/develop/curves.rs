@@ -338,13 +338,21 @@ impl<'a> Curves<'a> {
         }
         for hold in &self.holds {
             let own: Vec<f64> = hold.vertices.iter().flat_map(|&v| position(x, v).data.0[0]).collect();
-            hold.fidelity.curvature(&own, |corners, [s, t, u], block| {
+            hold.fidelity.curvature(&own, |_, corners, [s, t, u], block| {
                 let [a, b, _] = corners.map(|v| hold.vertices[v as usize]);
                 let (s, t) = (s, t + u);
                 add(a, a, &(block * (s * s)));
                 add(b, a, &(block * (s * t)));
                 add(b, b, &(block * (t * t)));
             });
+        }
+    }
+
+    /// Queries all closest points anew, see [`Fidelity::settle`].
+    pub(super) fn settle(&mut self, x: &[f64]) {
+        for hold in &mut self.holds {
+            hold.gather(x);
+            hold.fidelity.settle(&hold.x);
         }
     }
 

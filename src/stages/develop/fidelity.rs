@@ -6,6 +6,7 @@
 //! misses a violation, and a sample inside the zone needs no query at all.
 use rayon::prelude::*;
 
+use super::set_positions;
 use crate::{
     geom::Vec3,
     mesh::{Bvh, FaceId, Id, TriMesh},
@@ -17,11 +18,13 @@ const BLOCK: usize = 2048;
 /// A point of one face of the moving mesh, and a point of the source.
 #[derive(Debug, Clone, Copy)]
 struct Sample {
+    /// The face of the moving mesh, and its vertices.
+    face: FaceId,
     vertices: [u32; 3],
     /// Barycentric coordinates in those vertices.
     weights: [f64; 3],
     source: Vec3,
-    /// Latest face: of the source for samples of the moving mesh, of the moving mesh for samples of the source.
+    /// The face of the source that was closest, for samples of the moving mesh.
     hint: FaceId,
     /// c.
     factor: f64,
@@ -86,7 +89,7 @@ impl<'a> Fidelity<'a> {
             let point: Vec3 = corners.iter().zip(weights).map(|(p, w)| w * p).sum();
             let closest = source.closest(point * unit);
             let vertices = mesh.face_vertices(face).map(|v| v.0);
-            Sample { vertices, weights, source: closest.point / unit, hint: closest.face, factor }
+            Sample { face, vertices, weights, source: closest.point / unit, hint: closest.face, factor }
         }));
         self.resize();
     }
@@ -98,7 +101,7 @@ impl<'a> Fidelity<'a> {
             let source = point / unit;
             let closest = tree.closest(source);
             let vertices = mesh.face_vertices(closest.face).map(|v| v.0);
-            Sample { vertices, weights: closest.barycentric, source, hint: closest.face, factor }
+            Sample { face: closest.face, vertices, weights: closest.barycentric, source, hint: FaceId(0), factor }
         }));
         self.resize();
     }
@@ -107,6 +110,22 @@ impl<'a> Fidelity<'a> {
     pub(super) fn follow(&mut self, mesh: &TriMesh) {
         self.mesh.positions_mut().as_mut_slice().copy_from_slice(mesh.positions().as_slice());
         self.tree.refit(&self.mesh);
+    }
+
+    /// Queries all closest points anew at `x`, without regard to earlier ones.
+    pub(super) fn settle(&mut self, x: &[f64]) {
+        set_positions(&mut self.mesh, x);
+        self.tree.refit(&self.mesh);
+        let (source, unit, mesh, tree) = (self.source, self.unit, &self.mesh, &self.tree);
+        self.outward.par_iter_mut().with_min_len(BLOCK).for_each(|it| {
+            let closest = source.closest(it.point(x) * unit);
+            (it.source, it.hint) = (closest.point / unit, closest.face);
+        });
+        self.inward.par_iter_mut().with_min_len(BLOCK).for_each(|it| {
+            let closest = tree.closest(it.source);
+            it.vertices = mesh.face_vertices(closest.face).map(|v| v.0);
+            (it.weights, it.hint) = (closest.barycentric, closest.face);
+        });
     }
 
     fn resize(&mut self) {
@@ -144,9 +163,13 @@ impl<'a> Fidelity<'a> {
         sum
     }
 
-    /// Hands out, per sample outside the zone at `x`, its three vertices, their barycentric coordinates, and the Hessian by
-    /// its point with the closest point held: 2 w c [n nᵀ + s (I − n nᵀ)], s = (d − t)/d.
-    pub(super) fn curvature(&self, x: &[f64], mut add: impl FnMut([u32; 3], [f64; 3], &nalgebra::Matrix3<f64>)) {
+    /// Hands out, per sample outside the zone at `x`, its face with its vertices, its barycentric coordinates there, and the
+    /// Hessian by its point with the closest point held: 2 w c [n nᵀ + s (I − n nᵀ)], s = (d − t)/d.
+    pub(super) fn curvature(
+        &self,
+        x: &[f64],
+        mut add: impl FnMut(FaceId, [u32; 3], [f64; 3], &nalgebra::Matrix3<f64>),
+    ) {
         for sample in self.outward.iter().chain(&self.inward) {
             let offset = sample.offset(x);
             let distance = offset.norm();
@@ -154,7 +177,7 @@ impl<'a> Fidelity<'a> {
                 let along = 1.0 - self.band / distance;
                 let normal = offset / distance;
                 let block = normal * normal.transpose() * (1.0 - along) + nalgebra::Matrix3::identity() * along;
-                add(sample.vertices, sample.weights, &(block * (2.0 * self.weight * sample.factor)));
+                add(sample.face, sample.vertices, sample.weights, &(block * (2.0 * self.weight * sample.factor)));
             }
         }
     }
@@ -171,16 +194,14 @@ impl<'a> Fidelity<'a> {
         });
         let mut changed = moved_out.count() > 0;
         if self.inward.par_iter().with_min_len(BLOCK).any(outside) {
-            for (p, x) in self.mesh.positions_mut().as_mut_slice().iter_mut().zip(x.as_chunks::<3>().0) {
-                *p = Vec3::from(*x);
-            }
+            set_positions(&mut self.mesh, x);
             self.tree.refit(&self.mesh);
             let (mesh, tree) = (&self.mesh, &self.tree);
             self.inward.par_iter_mut().with_min_len(BLOCK).filter(|it| outside(it)).for_each(|it| {
-                let closest = tree.closest_from(it.source, it.hint);
+                let closest = tree.closest_from(it.source, it.face);
                 it.vertices = mesh.face_vertices(closest.face).map(|v| v.0);
                 it.weights = closest.barycentric;
-                it.hint = closest.face;
+                it.face = closest.face;
             });
             changed = true;
         }

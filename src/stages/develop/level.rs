@@ -2,7 +2,6 @@
 //! distance is proven.
 use super::{
     DevelopError, Evaluator, Optimizer, Options,
-    barrier::Weights,
     curvature::Curvature,
     curves::{Curves, Features, Networks, SourceCurves},
     fidelity::Fidelity,
@@ -10,7 +9,9 @@ use super::{
     flow::{CurvedFlow, Flow},
     folded_edges,
     metric::Metric,
-    remesh, scaled, set_positions,
+    remesh, scaled,
+    schedule::Settings,
+    set_positions,
 };
 use crate::{
     geom::{Vec3, closest_on_triangle},
@@ -28,8 +29,6 @@ use crate::{
 
 /// Half width of the dead zone over the promised deviation; the rest is left for the surface between samples.
 const BAND: f64 = 0.92;
-/// Weight of the fidelity term in the first and the last round of a level.
-const HOLD: [f64; 2] = [3.0, 90.0];
 /// Most corrections after the last round of the last level, and the growth of the weight of places found too far off.
 const CORRECTIONS: usize = 12;
 const GROWTH: f64 = 3.0;
@@ -51,14 +50,25 @@ pub(super) struct Job<'a> {
     options: &'a Options,
     levels: usize,
     monitor: &'a Monitor<'a>,
-    /// History of all levels.
+    pub(super) history: History<'a>,
+}
+
+/// The rounds of all levels.
+pub(super) struct History<'a> {
+    /// Those done, with their results.
     pub(super) rounds: Vec<Round>,
+    /// Those of an earlier run of the same job: they are taken as they are.
+    pub(super) done: &'a [Round],
+    /// Hears of all rounds after each that was computed.
+    pub(super) keep: &'a dyn Fn(&[Round]),
 }
 
 /// What one level works on. Its unit of length is the mean edge length at its start.
 struct Level<'a> {
     /// Length of the unit, mm.
     unit: f64,
+    index: usize,
+    settings: Settings,
     /// Coordinates of the vertices.
     x: Vec<f64>,
     mesh: TriMesh,
@@ -82,7 +92,7 @@ impl Solver {
             Optimizer::Lbfgs => Self::Lbfgs,
             Optimizer::LbfgsH2 => Self::LbfgsH2(Metric::new(mesh)?),
             Optimizer::Subgradient => Self::Subgradient,
-            Optimizer::Levenberg => Self::Levenberg(Box::new(Curvature::new(mesh, groups)?)),
+            Optimizer::Levenberg | Optimizer::Auto => Self::Levenberg(Box::new(Curvature::new(mesh, groups)?)),
         })
     }
 }
@@ -130,9 +140,10 @@ impl<'a> Job<'a> {
         networks: Networks,
         options: &'a Options,
         levels: usize,
+        history: History<'a>,
         monitor: &'a Monitor<'a>,
     ) -> Self {
-        Self { source, tree, curves, networks, options, levels, monitor, rounds: Vec::new() }
+        Self { source, tree, curves, networks, options, levels, monitor, history }
     }
 
     /// Optimises one level; start and result in mm. On the last level the result is the best state that was checked.
@@ -146,12 +157,10 @@ impl<'a> Job<'a> {
             if let Some(mesh) = (round > 0).then(|| self.mended(&scaled(&level.mesh, level.unit))).flatten() {
                 level = self.prepare(&mesh, index)?;
             }
-            let share = if self.options.rounds > 1 { round as f64 / (self.options.rounds - 1) as f64 } else { 1.0 };
-            let weight = HOLD[0] * (HOLD[1] / HOLD[0]).powf(share);
-            level.hold.iter_mut().for_each(|it| it.weight = weight);
-            level.curves.iter_mut().for_each(|it| it.set_weight(weight));
+            level.set(Settings::of(self.options, index, round))?;
             if last {
                 // σ from 1, which hardly differs from the plain energy, to what was asked for.
+                let share = if self.options.rounds > 1 { round as f64 / (self.options.rounds - 1) as f64 } else { 1.0 };
                 level.evaluator.set_robust(self.options.facet.map(|sigma| sigma.powf(share)));
             }
             self.run(&mut level, Stride::Free)?;
@@ -194,44 +203,45 @@ impl<'a> Job<'a> {
     fn prepare(&self, start: &TriMesh, index: usize) -> Result<Level<'a>, DevelopError> {
         let unit = start.mean_edge_length();
         let mesh = scaled(start, 1.0 / unit);
-        // Sums over faces and corners grow by 4 with each level; the energy of a seam does not.
-        let shrink = 0.25_f64.powi(index as i32);
-        let weights = Weights { angle: 3e-4 * shrink, fold: 0.01, defect: 0.1, area: 1e-4 * shrink };
-        let evaluator = Evaluator::new(&mesh, self.options.energy, weights);
-        let band = BAND * self.options.max_deviation / unit;
+        let settings = Settings::of(self.options, index, 0);
+        let evaluator = Evaluator::new(&mesh, settings.energy, settings.weights);
+        let band = BAND * settings.max_deviation / unit;
         let curves =
             Curves::new(if self.options.fidelity { self.curves } else { &[] }, &self.networks, &mesh, unit, band);
         let groups = curves.as_ref().map_or(&[][..], Curves::groups);
-        let solver = Solver::new(self.options.optimizer, &mesh, groups)?;
+        let solver = Solver::new(settings.optimizer, &mesh, groups)?;
         let hold = self.options.fidelity.then(|| {
             let points =
                 sample(self.source, SAMPLES * mesh.vertex_count()).into_iter().map(|it| it.position(self.source));
             let points: Vec<Vec3> = points.chain(self.source.positions().iter().copied()).collect();
-            Fidelity::new(self.tree, &points, &mesh, unit, band, HOLD[0])
+            Fidelity::new(self.tree, &points, &mesh, unit, band, settings.hold)
         });
-        Ok(Level { unit, x: flatten(&mesh), mesh, evaluator, solver, hold, curves })
+        Ok(Level { unit, index, settings, x: flatten(&mesh), mesh, evaluator, solver, hold, curves })
     }
 
-    /// One run of the optimiser, recorded.
+    /// One run of the optimiser, recorded, or taken from the record. Either way the state afterwards depends on nothing but
+    /// the mesh in the record and what was sampled, so that a run that goes on from a record gives the same bytes.
     fn run(&mut self, level: &mut Level, stride: Stride) -> Result<(), DevelopError> {
-        let mut gradient = vec![0.0; level.x.len()];
-        let seconds = self.monitor.seconds();
-        let before = level.evaluator.evaluate(&level.x, &mut gradient);
-        let outcome = level.minimize(stride, self.options.iterations, self.monitor)?;
-        let after = level.evaluator.evaluate(&level.x, &mut gradient);
-        set_positions(&mut level.mesh, &level.x);
-        self.rounds.push(Round {
-            energy: self.options.energy.name.to_owned(),
-            vertices: level.mesh.vertex_count(),
-            faces: level.mesh.face_count(),
-            energy_start: before.energy,
-            energy_end: after.energy,
-            gradient_norm: outcome.gradient_norm,
-            iterations: outcome.iterations,
-            evaluations: outcome.evaluations,
-            seconds: self.monitor.seconds() - seconds,
-            stopped: outcome.stop.to_string(),
-        });
+        let History { rounds, done, keep } = &mut self.history;
+        let recorded = done.get(rounds.len()).filter(|it| it.mesh.is_some() && it.faces == level.mesh.face_count());
+        let round = match recorded {
+            Some(round) => round.clone(),
+            None => level.round(stride, self.monitor)?,
+        };
+        if let Some(mesh) = &round.mesh {
+            level.mesh = scaled(mesh, 1.0 / level.unit);
+            level.x = flatten(&level.mesh);
+        }
+        if let Some(hold) = &mut level.hold {
+            hold.settle(&level.x);
+        }
+        if let Some(curves) = &mut level.curves {
+            curves.settle(&level.x);
+        }
+        rounds.push(round);
+        if recorded.is_none() {
+            keep(rounds);
+        }
         Ok(())
     }
 
@@ -270,17 +280,59 @@ impl<'a> Job<'a> {
 }
 
 impl Level<'_> {
-    fn minimize(&mut self, stride: Stride, iterations: Option<usize>, monitor: &Monitor) -> Result<Outcome, Cancelled> {
-        /// Relative decrease over the window below which a round ends.
-        const DECREASE: f64 = 3e-3;
-        const GRADIENT: f64 = 1e-8;
+    /// Prepares for a round that may differ from the one before.
+    fn set(&mut self, settings: Settings) -> Result<(), DevelopError> {
+        let Settings { energy, weights, optimizer, max_deviation, hold: weight, .. } = settings;
+        if energy.name != self.settings.energy.name || weights != self.settings.weights {
+            self.evaluator = Evaluator::new(&self.mesh, energy, weights);
+        }
+        if optimizer != self.settings.optimizer {
+            let groups = self.curves.as_ref().map_or(&[][..], Curves::groups);
+            self.solver = Solver::new(optimizer, &self.mesh, groups)?;
+        }
+        if let Some(hold) = &mut self.hold {
+            (hold.band, hold.weight) = (BAND * max_deviation / self.unit, weight);
+        }
+        self.curves.iter_mut().for_each(|it| it.set_weight(weight));
+        self.settings = settings;
+        Ok(())
+    }
+
+    /// Runs the optimiser.
+    fn round(&mut self, stride: Stride, monitor: &Monitor) -> Result<Round, Cancelled> {
+        let mut gradient = vec![0.0; self.x.len()];
+        let seconds = monitor.seconds();
+        let before = self.evaluator.evaluate(&self.x, &mut gradient);
+        let outcome = self.minimize(stride, monitor)?;
+        let after = self.evaluator.evaluate(&self.x, &mut gradient);
+        set_positions(&mut self.mesh, &self.x);
+        Ok(Round {
+            level: self.index,
+            correction: stride == Stride::Careful,
+            mesh: Some(scaled(&self.mesh, self.unit)),
+            energy: self.settings.energy.name.to_owned(),
+            vertices: self.mesh.vertex_count(),
+            faces: self.mesh.face_count(),
+            energy_start: before.energy,
+            energy_end: after.energy,
+            gradient_norm: outcome.gradient_norm,
+            iterations: outcome.iterations,
+            evaluations: outcome.evaluations,
+            seconds: monitor.seconds() - seconds,
+            stopped: outcome.stop.to_string(),
+        })
+    }
+
+    fn minimize(&mut self, stride: Stride, monitor: &Monitor) -> Result<Outcome, Cancelled> {
         /// Largest component of the first step of solvers that know no length, in edges.
         const FIRST_STEP: f64 = 0.1;
+        let settings = self.settings;
         let careful = stride == Stride::Careful;
+        let gradient = settings.gradient * (self.x.len() as f64).sqrt();
         let limits = |usual: usize, few: usize, window: usize| {
-            let iterations = iterations.unwrap_or(usual);
+            let iterations = settings.iterations.unwrap_or(usual);
             let iterations = if careful { iterations.min(few) } else { iterations };
-            Limits { iterations, gradient: GRADIENT, decrease: DECREASE, window }
+            Limits { iterations, gradient, decrease: settings.decrease, window }
         };
         let mut flow = Flow::new(&mut self.evaluator, self.hold.as_mut(), self.curves.as_mut(), &self.mesh);
         let x = &mut self.x;

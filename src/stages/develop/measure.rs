@@ -6,6 +6,7 @@ use crate::{
         distance::{SurfaceDistance, Violation, two_sided_bounds, violations},
         intersections::{Intersection, self_intersections},
     },
+    model::DevelopableMesh,
     numeric::Monitor,
 };
 
@@ -20,6 +21,13 @@ const NEVER_CANCELLED: &str = "a silent monitor never cancels";
 /// Edges whose two faces turn by more than 120°.
 pub fn folded_edges(mesh: &TriMesh) -> Vec<EdgeId> {
     mesh.edges().filter(|&e| mesh.dihedral_cosine(e).is_some_and(|cosine| cosine < FOLDED)).collect()
+}
+
+/// Length of the edges both of whose ends have an energy above `tolerance`.
+pub fn seam_length(result: &DevelopableMesh, tolerance: f64) -> f64 {
+    let on_seam = |v: VertexId| result.energy[v] > tolerance;
+    let seams = result.mesh.edges().filter(|&e| result.mesh.edge_vertices(e).into_iter().all(on_seam));
+    seams.map(|e| result.mesh.edge_length(e)).fold(0.0, |sum, length| sum + length)
 }
 
 /// Smallest corner angle, radians.

@@ -16,6 +16,7 @@ mod measure;
 mod metric;
 mod remesh;
 mod robust;
+mod schedule;
 pub mod stage;
 #[cfg(test)]
 mod tests;
@@ -23,7 +24,8 @@ mod tests;
 pub use barrier::Weights;
 pub use curves::{Boundary, Features, Network};
 pub use evaluate::{Evaluator, Parts};
-pub use measure::{Crossings, Defects, Deviation, folded_edges, smallest_angle};
+pub use measure::{Crossings, Defects, Deviation, folded_edges, seam_length, smallest_angle};
+pub use schedule::Override;
 
 use crate::{
     geom::Vec3,
@@ -34,19 +36,22 @@ use crate::{
 };
 use curves::Networks;
 use energy::Energy;
-use level::Job;
+use level::{History, Job};
+use schedule::Settings;
 
 /// How to minimise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Optimizer {
+    /// Levenberg–Marquardt for energies whose curvature is known, L-BFGS in a metric of second order for the others.
+    Auto,
     /// L-BFGS with the Lewis–Overton line search: many cheap steps.
     Lbfgs,
     /// L-BFGS in a metric of second order: a good shape after very few steps, also of meshes with many vertices.
     LbfgsH2,
     /// Subgradient descent with Armijo's rule: slow, for comparison.
     Subgradient,
-    /// Levenberg–Marquardt with variable projection: few expensive steps, a lower energy in the end. Its model is that of
-    /// the covariance energy.
+    /// Levenberg–Marquardt with variable projection: few expensive steps, a lower energy in the end. Only for energies
+    /// whose curvature is known.
     Levenberg,
 }
 
@@ -76,6 +81,8 @@ pub struct Options {
     pub rounds: usize,
     /// Most steps per round; `None` for what the optimiser usually needs.
     pub iterations: Option<usize>,
+    /// What some rounds do otherwise; of several that concern a round, later ones win.
+    pub overrides: Vec<Override>,
 }
 
 /// Why there is no developable mesh.
@@ -91,6 +98,18 @@ pub enum DevelopError {
         level: usize,
         /// What is wrong.
         error: MeshError,
+    },
+    /// No second derivatives.
+    #[error(
+        "round {round} of level {level}: \"levenberg\" knows no second derivatives of the energy \"{energy}\"; write optimizer = \"auto\" or \"lbfgs-h2\""
+    )]
+    NoCurvature {
+        /// Name of the energy.
+        energy: &'static str,
+        /// The level, from 0.
+        level: usize,
+        /// Its round, from 1.
+        round: usize,
     },
     /// The matrix of second derivatives could not be set up.
     #[error("{0}; use the optimiser \"lbfgs\" or a coarser mesh")]
@@ -129,10 +148,24 @@ pub fn develop(
     options: &Options,
     monitor: &Monitor,
 ) -> Result<DevelopableMesh, DevelopError> {
+    resume(source, start, options, &[], &|_| (), monitor)
+}
+
+/// [`develop`] that was interrupted: of the same arguments, `done` are the rounds that it had handed to `keep`, and which
+/// are not computed again. After each further round `keep` hears of all rounds so far. The result is the same, bit for
+/// bit, as without the interruption.
+pub fn resume(
+    source: &TriMesh,
+    start: &TriMesh,
+    options: &Options,
+    done: &[Round],
+    keep: &dyn Fn(&[Round]),
+    monitor: &Monitor,
+) -> Result<DevelopableMesh, DevelopError> {
     let finish = |mesh: TriMesh, rounds| {
         // Whatever the flow used: cutting and reports compare this one with their tolerances.
         let energy = Field::from_vec(energies(&mesh, &energy::COVARIANCE));
-        DevelopableMesh { mesh, energy, max_deviation: options.max_deviation, rounds }
+        DevelopableMesh { mesh, energy, max_deviation: options.max_deviation, rounds, tradeoffs: Vec::new() }
     };
     let at_start = energies(start, options.energy);
     if let Some(error) = degenerate(start, &at_start) {
@@ -145,7 +178,9 @@ pub fn develop(
     let levels = options.levels.unwrap_or_else(|| automatic_levels(start.vertex_count()));
     let networks = |mesh| Networks::new(mesh, options.boundary, options.features);
     let curves = networks(source).sources(source, CURVE_SPACING * options.max_deviation);
-    let mut job = Job::new(source, &tree, &curves, networks(start), options, levels, monitor);
+    Settings::check(options, levels)?;
+    let history = History { rounds: Vec::new(), done, keep };
+    let mut job = Job::new(source, &tree, &curves, networks(start), options, levels, history, monitor);
     let mut mesh = start.clone();
     for level in 0..=levels {
         if level > 0 {
@@ -154,7 +189,7 @@ pub fn develop(
         }
         mesh = job.level(&mesh, level)?;
     }
-    Ok(finish(mesh, job.rounds))
+    Ok(finish(mesh, job.history.rounds))
 }
 
 /// λ per vertex; 0 where the energy has no term.

@@ -5,12 +5,13 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 use serde_json::json;
 
 use super::{
-    Boundary, Crossings, Defects, DevelopError, Deviation, Features, Network, Optimizer, Options, develop, energy,
-    folded_edges, smallest_angle,
+    Boundary, Crossings, Defects, DevelopError, Deviation, Features, Network, Optimizer, Options, Override, develop,
+    energy::{self, Energy},
+    folded_edges, resume, seam_length, smallest_angle,
 };
 use crate::{
-    mesh::TriMesh,
-    model::{DevelopableMesh, Round, SourceMesh},
+    mesh::{Field, TriMesh},
+    model::{DevelopableMesh, Noun, Round, SourceMesh, Tradeoff},
     numeric::Monitor,
     profile::{Angle, Extent, Profiles},
     stage::{Check, Cx, KeyError, Section, Stage},
@@ -54,6 +55,126 @@ pub struct Develop {
     /// Most steps per round; what the optimiser usually needs if not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub iterations: Option<usize>,
+    /// Deviations to try besides `max_deviation`, so that the report can say what closeness costs; each is a run of its own.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub curve: Vec<Extent>,
+    /// `[[develop.round]]`: what some rounds do otherwise; of several tables that concern a round, later ones win.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub round: Vec<RoundTable>,
+}
+
+/// One `[[develop.round]]` table. Keys that are not given stay as they are for that round.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RoundTable {
+    /// Only on this level (the coarsest is 0).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub level: Option<usize>,
+    /// Only this round of a level, from 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub number: Option<usize>,
+    /// As in `[develop]`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub energy: Option<String>,
+    /// As in `[develop]`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub optimizer: Option<Method>,
+    /// Distance from which the hold on the input acts in this round; the promise in `[develop]` stays.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_deviation: Option<Extent>,
+    /// Most steps.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub iterations: Option<usize>,
+    /// Relative decrease of the objective over ten steps below which the round ends; 3e-3.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub decrease: Option<f64>,
+    /// Norm of the gradient at mean edge length 1 over the root of the number of variables, below which it ends; 1e-10.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gradient: Option<f64>,
+    /// Weight of the hold on the input; from 3 in the first to 90 in the last round of a level.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hold: Option<f64>,
+    /// Weight of the barrier against thin angles; 3e-4, a quarter of it on each further level.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub angle: Option<f64>,
+    /// Weight of the barrier against folded edges; 0.01.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fold: Option<f64>,
+    /// Weight of the barrier against large angle defects; 0.1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub defect: Option<f64>,
+    /// Weight of the term that keeps areas; 1e-4, a quarter of it on each further level.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub area: Option<f64>,
+}
+
+impl RoundTable {
+    fn check(&self, all: &Develop) -> Result<(), KeyError> {
+        let energy = self.energy.as_deref().unwrap_or(&all.energy);
+        known("round.energy", energy)?;
+        curved("round.optimizer", self.optimizer.unwrap_or(all.optimizer), energy)?;
+        if let Some(deviation) = self.max_deviation {
+            positive("round.max_deviation", deviation)?;
+        }
+        KeyError::range("round.number", self.number.unwrap_or(1) as f64, 1.0, 100.0)?;
+        KeyError::range("round.iterations", self.iterations.unwrap_or(1) as f64, 1.0, 1e6)?;
+        for (key, value) in [
+            ("round.decrease", self.decrease),
+            ("round.gradient", self.gradient),
+            ("round.hold", self.hold),
+            ("round.angle", self.angle),
+            ("round.fold", self.fold),
+            ("round.defect", self.defect),
+            ("round.area", self.area),
+        ] {
+            KeyError::range(key, value.unwrap_or(0.0), 0.0, 1e9)?;
+        }
+        Ok(())
+    }
+
+    fn resolve(&self, diagonal: f64) -> Override {
+        Override {
+            level: self.level,
+            round: self.number.map(|it| it - 1),
+            energy: self.energy.as_deref().and_then(Energy::named),
+            optimizer: self.optimizer.map(Method::resolve),
+            max_deviation: self.max_deviation.map(|it| it.resolve(diagonal)),
+            iterations: self.iterations,
+            decrease: self.decrease,
+            gradient: self.gradient,
+            hold: self.hold,
+            angle: self.angle,
+            fold: self.fold,
+            defect: self.defect,
+            area: self.area,
+        }
+    }
+}
+
+/// `Err` unless an energy has that name.
+fn known(key: &'static str, name: &str) -> Result<(), KeyError> {
+    if Energy::named(name).is_some() {
+        return Ok(());
+    }
+    let names: Vec<_> = energy::ENERGIES.iter().map(|it| it.name).collect();
+    Err(KeyError { key, message: format!("must be one of {}, not \"{name}\"", names.join(", ")) })
+}
+
+/// `Err` if the optimiser needs second derivatives that the energy, whose name is known, has not.
+fn curved(key: &'static str, optimizer: Method, energy: &str) -> Result<(), KeyError> {
+    if optimizer != Method::Levenberg || Energy::named(energy).is_none_or(Energy::has_curvature) {
+        return Ok(());
+    }
+    let message = format!("\"levenberg\" cannot minimise \"{energy}\": write \"auto\", \"lbfgs-h2\" or \"lbfgs\"");
+    Err(KeyError { key, message })
+}
+
+/// `Err` unless it is a deviation that can be asked for.
+fn positive(key: &'static str, deviation: Extent) -> Result<(), KeyError> {
+    match deviation {
+        Extent::Percent(percent) => KeyError::range(key, percent, 1e-3, 100.0),
+        Extent::Length(length) => KeyError::range(key, length.mm, 1e-6, 1e6),
+    }
 }
 
 impl Default for Develop {
@@ -71,6 +192,8 @@ impl Default for Develop {
             levels: Levels::Auto,
             rounds: 3,
             iterations: None,
+            curve: Vec::new(),
+            round: Vec::new(),
         }
     }
 }
@@ -92,11 +215,10 @@ pub enum Method {
 }
 
 impl Method {
-    /// The optimiser for that energy.
-    fn resolve(self, energy: &str) -> Optimizer {
+    fn resolve(self) -> Optimizer {
         match self {
-            Self::Auto if energy == energy::COVARIANCE.name => Optimizer::Levenberg,
-            Self::Auto | Self::LbfgsH2 => Optimizer::LbfgsH2,
+            Self::Auto => Optimizer::Auto,
+            Self::LbfgsH2 => Optimizer::LbfgsH2,
             Self::Lbfgs => Optimizer::Lbfgs,
             Self::Subgradient => Optimizer::Subgradient,
             Self::Levenberg => Optimizer::Levenberg,
@@ -165,7 +287,7 @@ impl Serialize for Levels {
 
 impl Stage for Develop {
     const NAME: &'static str = "develop";
-    const VERSION: u32 = 5;
+    const VERSION: u32 = 7;
     type Input = (SourceMesh, TriMesh);
     type Output = DevelopableMesh;
     type Profile = ();
@@ -174,22 +296,10 @@ impl Stage for Develop {
     fn profile(_: &Profiles) {}
 
     fn check(&self) -> Result<(), KeyError> {
-        if energy::Energy::named(&self.energy).is_none() {
-            let names: Vec<_> = energy::ENERGIES.iter().map(|it| it.name).collect();
-            let message = format!("must be one of {}, not \"{}\"", names.join(", "), self.energy);
-            return Err(KeyError { key: "energy", message });
-        }
-        if self.optimizer == Method::Levenberg && self.energy != energy::COVARIANCE.name {
-            let message = format!(
-                "\"levenberg\" minimises the covariance energy only, not \"{}\": write \"auto\", \"lbfgs-h2\" or \"lbfgs\"",
-                self.energy
-            );
-            return Err(KeyError { key: "optimizer", message });
-        }
-        match self.max_deviation {
-            Extent::Percent(percent) => KeyError::range("max_deviation", percent, 1e-3, 100.0)?,
-            Extent::Length(length) => KeyError::range("max_deviation", length.mm, 1e-6, 1e6)?,
-        }
+        known("energy", &self.energy)?;
+        curved("optimizer", self.optimizer, &self.energy)?;
+        positive("max_deviation", self.max_deviation)?;
+        self.curve.iter().try_for_each(|&it| positive("curve", it))?;
         if self.features == CurveRule::Fair {
             let message = "must be \"free\" or \"hold\"; only a boundary can be \"fair\"".into();
             return Err(KeyError { key: "features", message });
@@ -200,14 +310,16 @@ impl Stage for Develop {
             KeyError::range("levels", count as f64, 0.0, 8.0)?;
         }
         KeyError::range("rounds", self.rounds as f64, 1.0, 100.0)?;
-        KeyError::range("iterations", self.iterations.unwrap_or(1) as f64, 1.0, 1e6)
+        KeyError::range("iterations", self.iterations.unwrap_or(1) as f64, 1.0, 1e6)?;
+        self.round.iter().try_for_each(|it| it.check(self))
     }
 
     fn run(&self, (source, start): (&SourceMesh, &TriMesh), _: &(), cx: &Cx) -> Result<DevelopableMesh, DevelopError> {
+        let diagonal = source.mesh.bounds().diagonal();
         let options = Options {
-            energy: energy::Energy::named(&self.energy).expect("`check` refused unknown names"),
-            optimizer: self.optimizer.resolve(&self.energy),
-            max_deviation: self.max_deviation.resolve(source.mesh.bounds().diagonal()),
+            energy: Energy::named(&self.energy).expect("`check` refused unknown names"),
+            optimizer: self.optimizer.resolve(),
+            max_deviation: self.max_deviation.resolve(diagonal),
             fidelity: self.fidelity,
             boundary: match self.boundary {
                 CurveRule::Fair => Boundary::Fair,
@@ -226,8 +338,32 @@ impl Stage for Develop {
             },
             rounds: self.rounds,
             iterations: self.iterations,
+            overrides: self.round.iter().map(|it| it.resolve(diagonal)).collect(),
         };
-        develop(&source.mesh, start, &options, &cx.monitor)
+        let kept = cx.kept.and_then(DevelopableMesh::peek);
+        let keep = |rounds: &[Round]| {
+            let Some(mesh) = rounds.last().and_then(|it| it.mesh.clone()) else { return };
+            let energy = Field::filled(mesh.vertex_count(), 0.0);
+            let (max_deviation, rounds, tradeoffs) = (options.max_deviation, rounds.to_vec(), Vec::new());
+            (cx.keep)(DevelopableMesh { mesh, energy, max_deviation, rounds, tradeoffs }.wrap());
+        };
+        let done = kept.map_or(&[][..], |it| &it.rounds);
+        let mut result = resume(&source.mesh, start, &options, done, &keep, &cx.monitor)?;
+        let tried = kept.map_or(&[][..], |it| &it.tradeoffs);
+        for (i, deviation) in self.curve.iter().enumerate() {
+            let row = match tried.get(i) {
+                Some(&row) => row,
+                None => {
+                    let options = Options { max_deviation: deviation.resolve(diagonal), ..options.clone() };
+                    tradeoff(&source.mesh, &develop(&source.mesh, start, &options, &cx.monitor)?)
+                }
+            };
+            result.tradeoffs.push(row);
+            (cx.keep)(result.clone().wrap());
+        }
+        // Corrections change too little to be looked at.
+        result.rounds.iter_mut().filter(|it| it.correction).for_each(|it| it.mesh = None);
+        Ok(result)
     }
 
     fn section(&self, (source, start): (&SourceMesh, &TriMesh), _: &(), output: &DevelopableMesh) -> Section {
@@ -254,6 +390,9 @@ impl Stage for Develop {
             "max_abs_defect": defects.max,
             "top5_defect_share": defects.top5_share,
         });
+        if !output.tradeoffs.is_empty() {
+            table["curve"] = output.tradeoffs.iter().map(|it| curve_row(it, percent)).collect();
+        }
         let fold_note = match folds.first() {
             None => "no edge turns by more than 120°".to_owned(),
             Some(&edge) => {
@@ -316,6 +455,26 @@ impl Develop {
     }
 }
 
+/// What a result costs.
+fn tradeoff(source: &TriMesh, result: &DevelopableMesh) -> Tradeoff {
+    Tradeoff {
+        max_deviation: result.max_deviation,
+        energy: result.energy.iter().sum(),
+        seam_length: seam_length(result, SEAM_ENERGY),
+        bound: Deviation::between(source, &result.mesh, result.max_deviation).bound,
+    }
+}
+
+/// The same for the report; `percent` turns mm into percent of the source's diagonal.
+fn curve_row(it: &Tradeoff, percent: f64) -> serde_json::Value {
+    json!({
+        "max_deviation_pct": it.max_deviation * percent,
+        "hausdorff_bound_pct": it.bound * percent,
+        "covariance_energy": it.energy,
+        "seam_length_rel": it.seam_length * percent / 100.0,
+    })
+}
+
 fn round(it: &Round) -> serde_json::Value {
     json!({
         "energy": it.energy,
@@ -328,6 +487,8 @@ fn round(it: &Round) -> serde_json::Value {
         "evaluations": it.evaluations,
         "seconds": it.seconds,
         "stopped": it.stopped,
+        "level": it.level,
+        "correction": it.correction,
     })
 }
 
@@ -381,6 +542,13 @@ mod tests {
         let text = toml::to_string(&Develop::default()).unwrap();
         assert_eq!(table(&text).unwrap(), Develop::default());
         assert_eq!(table("levels = 2").unwrap().levels, Levels::Count(2));
+        let text =
+            "[[round]]\nlevel = 0\nnumber = 2\nenergy = \"combinatorial\"\nmax_deviation = \"50 %\"\nhold = 0.5\n";
+        let stage = table(text).unwrap();
+        let it = stage.round[0].resolve(30.0);
+        assert_eq!((it.level, it.round, it.max_deviation, it.hold), (Some(0), Some(1), Some(15.0), Some(0.5)));
+        assert_eq!(it.energy.map(|it| it.name), Some("combinatorial"));
+        assert_eq!(table(&toml::to_string(&stage).unwrap()).unwrap(), stage);
     }
 
     #[test]
@@ -395,6 +563,11 @@ mod tests {
             ("rounds = 0", "`rounds`"),
             ("iterations = 0", "`iterations`"),
             ("optimizer = \"newton\"", "`levenberg`"),
+            ("curve = [\"1 %\", 0]", "`curve`"),
+            ("[[round]]\nenergy = \"willmore\"", "`round.energy` must be one of"),
+            ("[[round]]\nnumber = 0", "`round.number`"),
+            ("[[round]]\nhold = -1", "`round.hold`"),
+            ("[[round]]\nrounds = 1", "rounds"),
             ("energy = \"intrinsic\"\noptimizer = \"levenberg\"", "write \"auto\""),
             ("features = \"fair\"", "`features`"),
             ("boundary = \"loose\"", "`hold`"),

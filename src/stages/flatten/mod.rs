@@ -11,7 +11,7 @@ use crate::{
     surface::{
         chart::{Chart, ChartBuilder, Metric},
         distortion::Distortion,
-        flatten::{self, flatten_disk, flatten_domain},
+        flatten::{self, Flattener, Limit, flatten_domain, polished},
         overlap::overlapping_triangles,
     },
 };
@@ -43,10 +43,11 @@ struct Flat {
     overlaps: Vec<Overlap>,
 }
 
-/// Flattens every piece with the isometric boundary ([`flatten_domain`]), each in a frame of its own, and finds the pairs of
-/// faces that overlap.
-pub fn flatten(cut: &CutMesh, stretch_limit: f64, monitor: &Monitor) -> Result<Flattening, FlattenError> {
+/// Flattens every piece with the isometric boundary, polished to the stretch that it was cut for ([`flatten_domain`]),
+/// each in a frame of its own, and finds the pairs of faces that overlap.
+pub fn flatten(cut: &CutMesh, monitor: &Monitor) -> Result<Flattening, FlattenError> {
     let metric = Metric::new(&cut.mesh);
+    let limit = Limit::new(cut.stretch);
     let mut faces: Vec<Vec<FaceId>> = vec![Vec::new(); cut.pieces.len()];
     for (f, piece) in cut.piece_of.enumerate() {
         faces[piece.index()].push(f);
@@ -60,8 +61,8 @@ pub fn flatten(cut: &CutMesh, stretch_limit: f64, monitor: &Monitor) -> Result<F
         .map(|(k, chart)| {
             monitor.check()?;
             let name = || cut.pieces[PieceId::new(k)].name.clone();
-            let flat =
-                flatten_chart(cut, &metric, chart).map_err(|source| FlattenError::Piece { name: name(), source });
+            let flat = flatten_chart(cut, &metric, chart, limit)
+                .map_err(|source| FlattenError::Piece { name: name(), source });
             let before = done.fetch_add(chart.faces.len(), std::sync::atomic::Ordering::Relaxed);
             let share = (before + chart.faces.len()) as f64 / cut.mesh.face_count() as f64;
             monitor.progress(share, "flattening");
@@ -72,7 +73,7 @@ pub fn flatten(cut: &CutMesh, stretch_limit: f64, monitor: &Monitor) -> Result<F
         uv: Field::filled(cut.mesh.vertex_count(), Vec2::zeros()),
         log_factor: Field::filled(cut.mesh.vertex_count(), 0.0),
         overlaps: Vec::new(),
-        stretch_limit,
+        stretch_limit: cut.stretch,
     };
     for (chart, flat) in charts.iter().zip(flats) {
         let flat = flat?;
@@ -85,12 +86,12 @@ pub fn flatten(cut: &CutMesh, stretch_limit: f64, monitor: &Monitor) -> Result<F
     Ok(out)
 }
 
-fn flatten_chart(cut: &CutMesh, metric: &Metric, chart: &Chart) -> Result<Flat, flatten::FlattenError> {
+fn flatten_chart(cut: &CutMesh, metric: &Metric, chart: &Chart, limit: Limit) -> Result<Flat, flatten::FlattenError> {
     // Only a piece with holes needs a builder of its own.
     let domain = if chart.loops.len() > 1 {
-        flatten_domain(&mut ChartBuilder::new(&cut.mesh), metric, chart, &|_| false, WELD)?
+        flatten_domain(&mut ChartBuilder::new(&cut.mesh), metric, chart, &|_| false, WELD, limit)?
     } else {
-        flatten_disk(metric, chart)?
+        polished(metric, chart, Flattener::new(metric, chart)?.flatten()?, limit)
     };
     let triangles: Vec<[Vec2; 3]> = chart.corners.iter().map(|it| it.map(|v| domain.uv[v as usize])).collect();
     let overlaps = overlapping_triangles(&triangles)
@@ -112,10 +113,12 @@ pub struct Quality {
     pub p99_log_scale: f64,
     /// Mean |log scale|.
     pub mean_log_scale: f64,
-    /// Share of the area in faces whose |log scale| exceeds the limit.
+    /// Share of the area in faces whose principal stretch exceeds the limit, or that are flipped.
     pub share_over_limit: f64,
-    /// Largest principal stretch.
-    pub max_principal_stretch: f64,
+    /// Largest principal stretch and the face that has it.
+    pub max_principal_stretch: (f64, FaceId),
+    /// Principal stretch that 99.9 % of the area keep.
+    pub p999_principal_stretch: f64,
     /// Principal stretch that 99 % of the area keep.
     pub p99_principal_stretch: f64,
     /// Largest σ1 / σ2.
@@ -168,7 +171,8 @@ pub fn quality(cut: &CutMesh, flat: &Flattening) -> Quality {
     let total: f64 = scales.iter().map(|it| it.2).sum();
     let mean =
         |values: &[(f64, FaceId, f64)]| values.iter().map(|it| it.0 * it.2).sum::<f64>() / total.max(f64::MIN_POSITIVE);
-    let over: f64 = scales.iter().filter(|it| it.0 > flat.stretch_limit).map(|it| it.2).sum();
+    let over: f64 = stretches.iter().filter(|it| it.0 > flat.stretch_limit).map(|it| it.2).sum();
+    let turned: f64 = flipped.iter().map(|&f| mesh.area(f)).sum();
     scales.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     stretches.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     Quality {
@@ -176,8 +180,9 @@ pub fn quality(cut: &CutMesh, flat: &Flattening) -> Quality {
         p999_log_scale: quantile(&scales, 0.999 * total),
         p99_log_scale: quantile(&scales, 0.99 * total),
         mean_log_scale: mean(&scales),
-        share_over_limit: over / total.max(f64::MIN_POSITIVE),
-        max_principal_stretch: stretches.last().map_or(0.0, |it| it.0),
+        share_over_limit: (over + turned) / (total + turned).max(f64::MIN_POSITIVE),
+        max_principal_stretch: stretches.last().map_or((0.0, FaceId(0)), |it| (it.0, it.1)),
+        p999_principal_stretch: quantile(&stretches, 0.999 * total),
         p99_principal_stretch: quantile(&stretches, 0.99 * total),
         max_quasi_conformal,
         flipped,

@@ -22,22 +22,19 @@ pub struct FlattenStage {}
 
 impl Stage for FlattenStage {
     const NAME: &'static str = "flatten";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type Input = CutMesh;
     type Output = Flattening;
-    /// The stretch that the material takes, as |log scale|.
-    type Profile = f64;
+    type Profile = ();
     type Error = FlattenError;
 
-    fn profile(profiles: &Profiles) -> f64 {
-        profiles.material.stretch
+    fn profile(_: &Profiles) {}
+
+    fn run(&self, cut: &CutMesh, _: &(), cx: &Cx) -> Result<Flattening, FlattenError> {
+        flatten(cut, &cx.monitor)
     }
 
-    fn run(&self, cut: &CutMesh, stretch: &f64, cx: &Cx) -> Result<Flattening, FlattenError> {
-        flatten(cut, *stretch, &cx.monitor)
-    }
-
-    fn section(&self, cut: &CutMesh, _: &f64, flat: &Flattening) -> Section {
+    fn section(&self, cut: &CutMesh, _: &(), flat: &Flattening) -> Section {
         let quality = quality(cut, flat);
         let seams = seam_lengths(cut, flat);
         let pieces: Vec<_> = quality
@@ -60,7 +57,8 @@ impl Stage for FlattenStage {
             "p99_abs_log_scale": quality.p99_log_scale,
             "mean_abs_log_scale": quality.mean_log_scale,
             "share_over_limit": quality.share_over_limit,
-            "max_principal_stretch": quality.max_principal_stretch,
+            "max_principal_stretch": quality.max_principal_stretch.0,
+            "p999_principal_stretch": quality.p999_principal_stretch,
             "p99_principal_stretch": quality.p99_principal_stretch,
             "max_qc": quality.max_quasi_conformal,
             "flipped": quality.flipped.len(),
@@ -111,17 +109,17 @@ fn flip_check(cut: &CutMesh, quality: &Quality) -> Check {
 
 /// The promise is for 99.9 % of the area: single slivers may exceed it, and the note says by how much.
 fn stretch_check(cut: &CutMesh, flat: &Flattening, quality: &Quality) -> Check {
-    let (max, face) = quality.max_log_scale;
+    let (max, face) = quality.max_principal_stretch;
     let note = if max <= flat.stretch_limit {
-        format!("|log scale| of every triangle at most {max:.5}")
+        format!("principal stretch of every triangle at most {max:.5}")
     } else {
         format!(
-            "|log scale| kept by 99.9 % of the area; {:.3} % exceed the limit, the worst with {max:.4} in {}",
+            "principal stretch kept by 99.9 % of the area; {:.4} % exceed the limit, the worst triangle with {max:.4} in {}",
             100.0 * quality.share_over_limit,
             place(cut, face)
         )
     };
-    Check::at_most("flatten.stretch", quality.p999_log_scale, flat.stretch_limit, "", note)
+    Check::at_most("flatten.stretch", quality.p999_principal_stretch, flat.stretch_limit, "", note)
 }
 
 fn mismatch_check(cut: &CutMesh, seams: &[SeamLengths]) -> Check {

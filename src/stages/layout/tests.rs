@@ -99,6 +99,7 @@ fn cut_apart(
         seams: seams_of(mesh, &is_cut),
         tolerance: 0.0,
         seam_vertices: 0,
+        stretch: 0.0,
     };
     let n = cut.mesh.vertex_count();
     let flat =

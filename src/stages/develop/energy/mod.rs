@@ -149,6 +149,11 @@ pub const ENERGIES: &[Energy] = &[
 ];
 
 impl Energy {
+    /// Whether there is a model of its second derivatives, which Levenberg–Marquardt needs.
+    pub fn has_curvature(&self) -> bool {
+        self.name == COVARIANCE.name
+    }
+
     /// The energy with that name.
     pub fn named(name: &str) -> Option<&'static Self> {
         ENERGIES.iter().find(|it| it.name == name)
