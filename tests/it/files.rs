@@ -335,7 +335,7 @@ fn the_replayed_tool_cuts_what_the_layout_says() {
     ] {
         let profiles = profiles(material, &machine);
         let mut job = Job::new(&profiles);
-        let cx = Cx { seed: 0, monitor: Monitor::silent() };
+        let cx = Cx { seed: 0, monitor: Monitor::silent(), kept: None, keep: &|_| () };
         job.toolpaths = RouteStage::default().run(&job.sheets, &profiles.machine, &cx).unwrap();
         let files = job.files(&profiles);
         for check in verify(&files, &job.nouns(), &profiles) {
@@ -358,7 +358,7 @@ fn the_replayed_tool_cuts_what_the_layout_says() {
     ] {
         let (made, cut) = (profiles("", made), profiles("", cut));
         let mut job = Job::new(&made);
-        let cx = Cx { seed: 0, monitor: Monitor::silent() };
+        let cx = Cx { seed: 0, monitor: Monitor::silent(), kept: None, keep: &|_| () };
         job.toolpaths = RouteStage::default().run(&job.sheets, &made.machine, &cx).unwrap();
         let files = job.files(&made);
         assert!(simulate(&files, &job.nouns(), &made).iter().all(|it| it.ok));
