@@ -28,8 +28,10 @@ const CORNER: f64 = 0.8;
 
 /// Weight of fairness against Σλ.
 const FAIRNESS: f64 = 0.1;
-/// Weight of the hold of curves over that of surfaces: there are few samples on them, but every one counts.
-const GRIP: f64 = 3.0;
+/// Weight of the hold of curves over that of surfaces, and half width of their dead zone over that of surfaces: nothing adds
+/// samples where a curve is too far off, as corrections do for surfaces.
+const GRIP: f64 = 10.0;
+const CURVE_BAND: f64 = 0.97;
 
 /// What is done with boundary curves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -283,7 +285,7 @@ impl<'a> Curves<'a> {
         let hold = |(source, network): (&'a Option<SourceCurves>, &Network)| {
             let source = source.as_ref()?;
             let (ribbon, vertices) = network.ribbon(mesh)?;
-            let mut fidelity = Fidelity::new(&source.tree, &source.points, &ribbon, unit, band, GRIP);
+            let mut fidelity = Fidelity::new(&source.tree, &source.points, &ribbon, unit, CURVE_BAND * band, GRIP);
             let middles: Vec<_> = ribbon.faces().map(|f| (f, [0.5, 0.5, 0.0])).collect();
             fidelity.add_outward(&middles, 1.0);
             let coordinates = vec![0.0; 3 * vertices.len()];
