@@ -28,6 +28,9 @@ const CORNER: f64 = 0.8;
 
 /// Weight of fairness against Σλ.
 const FAIRNESS: f64 = 0.1;
+/// Mean jaggedness of a curve at the start, radians, from which it is left as it is: the holes of raw scans zigzag at 32° to
+/// 134°, and making them fair would tear the surface around them; curves that were meant have at most 10°.
+const ROUGH: f64 = 0.35;
 /// Weight of the hold of curves over that of surfaces, and half width of their dead zone over that of surfaces: nothing adds
 /// samples where a curve is too far off, as corrections do for surfaces.
 const GRIP: f64 = 10.0;
@@ -60,6 +63,8 @@ pub struct Network {
     chains: Vec<Vec<VertexId>>,
     /// Where a curve has a corner.
     corners: Vec<VertexId>,
+    /// Whether each chain was smooth enough at the start to be made fair.
+    smooth: Vec<bool>,
 }
 
 impl Network {
@@ -102,8 +107,10 @@ impl Network {
     }
 
     fn of(mesh: &TriMesh, chains: Vec<Vec<VertexId>>) -> Self {
-        let corners = chains.iter().flat_map(|chain| corners(mesh, chain)).collect();
-        Self { chains, corners }
+        let corners: Vec<VertexId> = chains.iter().flat_map(|chain| corners(mesh, chain)).collect();
+        let is_smooth = |chain: &Vec<VertexId>| mean_jag(mesh, &runs(chain, &corners)).is_none_or(|it| it < ROUGH);
+        let smooth = chains.iter().map(is_smooth).collect();
+        Self { chains, corners, smooth }
     }
 
     /// The same curves on the mesh that [`crate::surface::subdivide`] makes of `mesh`.
@@ -117,7 +124,7 @@ impl Network {
             }
             fine
         };
-        Self { chains: self.chains.iter().map(refine).collect(), corners: self.corners.clone() }
+        Self { chains: self.chains.iter().map(refine).collect(), ..self.clone() }
     }
 
     /// Vertices of all edges.
@@ -125,20 +132,10 @@ impl Network {
         self.chains.iter().flat_map(|chain| chain.windows(2).map(|it| [it[0], it[1]]))
     }
 
-    /// Every four vertices in a row whose inner two are no corners.
-    fn runs(&self) -> Vec<[u32; 4]> {
-        let mut runs = Vec::new();
-        for chain in &self.chains {
-            let closed = chain.len() > 4 && chain.first() == chain.last();
-            let around = if closed { &chain[1..3] } else { &[] };
-            let long: Vec<VertexId> = chain.iter().chain(around).copied().collect();
-            let smooth = |it: &&[VertexId]| !it[1..3].iter().any(|v| self.corners.contains(v));
-            // The loop around a hole of three edges has no four vertices.
-            let distinct = |it: &&[VertexId]| it[0] != it[3];
-            let quadruples = long.windows(4).filter(smooth).filter(distinct);
-            runs.extend(quadruples.map(|it| [it[0].0, it[1].0, it[2].0, it[3].0]));
-        }
-        runs
+    /// [`runs`] of the chains that are to be fair.
+    fn fair_runs(&self) -> Vec<[u32; 4]> {
+        let fair = self.chains.iter().zip(&self.smooth).filter(|it| *it.1);
+        fair.flat_map(|(chain, _)| runs(chain, &self.corners)).collect()
     }
 
     /// Its edges as a mesh of loose, degenerate triangles (a, b, b), so that queries and proofs about surfaces serve curves
@@ -156,9 +153,8 @@ impl Network {
     /// Mean of |r| (the head of this file) over all places that are no corners: how far, in radians, an edge of the curve turns
     /// out of the arc through its neighbours. `None` where nothing is long enough to tell.
     pub fn jaggedness(&self, mesh: &TriMesh) -> Option<f64> {
-        let runs = self.runs();
-        let jag = |run: &[u32; 4]| fairness(run.map(|v| mesh.position(VertexId(v)))).0.norm();
-        (!runs.is_empty()).then(|| runs.iter().map(jag).sum::<f64>() / runs.len() as f64)
+        let all: Vec<_> = self.chains.iter().flat_map(|chain| runs(chain, &self.corners)).collect();
+        mean_jag(mesh, &all)
     }
 
     /// Proven bounds of the largest distance between these curves of `mesh` and those of another network, either way; `None`
@@ -173,6 +169,23 @@ impl Network {
         let (Some((a, _)), Some((b, _))) = (self.ribbon(mesh), other.ribbon(other_mesh)) else { return Ok(None) };
         two_sided_bounds(&a, &b, resolution, monitor).map(Some)
     }
+}
+
+/// Every four vertices in a row of a chain whose inner two are no corners.
+fn runs(chain: &[VertexId], corners: &[VertexId]) -> Vec<[u32; 4]> {
+    let closed = chain.len() > 4 && chain.first() == chain.last();
+    let around = if closed { &chain[1..3] } else { &[] };
+    let long: Vec<VertexId> = chain.iter().chain(around).copied().collect();
+    let smooth = |it: &&[VertexId]| !it[1..3].iter().any(|v| corners.contains(v));
+    // The loop around a hole of three edges has no four vertices.
+    let distinct = |it: &&[VertexId]| it[0] != it[3];
+    long.windows(4).filter(smooth).filter(distinct).map(|it| [0, 1, 2, 3].map(|k| it[k].0)).collect()
+}
+
+/// Mean of |r| (the head of this file), radians; `None` for no runs.
+fn mean_jag(mesh: &TriMesh, runs: &[[u32; 4]]) -> Option<f64> {
+    let jag = |run: &[u32; 4]| fairness(run.map(|v| mesh.position(VertexId(v)))).0.norm();
+    (!runs.is_empty()).then(|| runs.iter().map(jag).sum::<f64>() / runs.len() as f64)
 }
 
 /// Vertices at which a chain turns by much more than a round curve of as many edges, seen over [`ARM`] edges.
@@ -291,7 +304,7 @@ impl<'a> Curves<'a> {
             let coordinates = vec![0.0; 3 * vertices.len()];
             Some(Hold { vertices, fidelity, gradient: coordinates.clone(), x: coordinates })
         };
-        let runs = networks.boundary.iter().chain(&networks.features).flat_map(Network::runs).collect::<Vec<_>>();
+        let runs = networks.boundary.iter().chain(&networks.features).flat_map(Network::fair_runs).collect::<Vec<_>>();
         let holds = sources.iter().zip(networks.held()).filter_map(hold).collect::<Vec<_>>();
         (!runs.is_empty() || !holds.is_empty()).then_some(Self { runs, holds })
     }
@@ -456,10 +469,24 @@ mod tests {
         found.sort_unstable();
         assert_eq!(found, [0, 12, 130, 142].map(VertexId));
         // Runs with a corner at an inner place are left out: two of them per corner.
-        assert_eq!(network.runs().len(), 44 - 8);
+        assert_eq!(network.fair_runs().len(), 44 - 8);
         for (inner, around) in [(1.0, 9), (1.0, 40)] {
             assert_eq!(Network::boundary(&shapes::annulus(inner, 2.0, around, 3)).corners, []);
         }
+    }
+
+    #[test]
+    fn curves_that_start_as_zigzags_are_left_alone() {
+        let smooth = shapes::annulus(1.0, 2.0, 40, 3);
+        let mut rough = smooth.clone();
+        let inner: Vec<VertexId> = smooth.vertices().filter(|&v| smooth.position(v).norm() < 1.01).collect();
+        for v in inner.into_iter().step_by(2) {
+            rough.positions_mut()[v] *= 0.85;
+        }
+        assert_eq!(Network::boundary(&smooth).fair_runs().len(), 80);
+        let network = Network::boundary(&rough);
+        assert_eq!(network.fair_runs().len(), 40, "only the outer one is fair");
+        assert!(network.jaggedness(&rough).unwrap() > 10.0 * Network::boundary(&smooth).jaggedness(&smooth).unwrap());
     }
 
     #[test]

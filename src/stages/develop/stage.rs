@@ -33,7 +33,7 @@ pub struct Develop {
     pub max_deviation: Extent,
     /// Whether to hold the flow to that distance; without, the distance is only measured.
     pub fidelity: bool,
-    /// Boundary curves: "fair" (they slide but stay smooth), "hold" (also as near to the input's boundary as the surface to the
+    /// Boundary curves: "fair" (they slide but stay smooth, unless they are zigzags in the input), "hold" (also as near to the input's boundary as the surface to the
     /// surface) or "free".
     pub boundary: CurveRule,
     /// Creases: "free" (they move where the energy wants them) or "hold" (those sharper than `feature_angle` stay near the
