@@ -28,10 +28,10 @@ use crate::{
 };
 
 /// Half width of the dead zone over the promised deviation; the rest is left for the surface between samples.
-const BAND: f64 = 0.92;
+const BAND: f64 = 0.97;
 /// Most corrections after the last round of the last level, and the growth of the weight of places found too far off.
 const CORRECTIONS: usize = 12;
-const GROWTH: f64 = 3.0;
+const GROWTH: f64 = 6.0;
 /// Largest such weight: more makes the problem too stiff for the optimiser to move at all.
 const HEAVIEST: f64 = 30.0;
 /// Share of the promised deviation that the proof may give away.
@@ -152,12 +152,12 @@ impl<'a> Job<'a> {
         let mut level = self.prepare(mended.as_ref().unwrap_or(start), index)?;
         let last = index == self.levels;
         let mut best: Option<Checked> = None;
-        for round in 0..self.options.rounds {
+        for round in 0..self.options.rounds_on(index, self.levels) {
             self.report(index, round);
             if let Some(mesh) = (round > 0).then(|| self.mended(&scaled(&level.mesh, level.unit))).flatten() {
                 level = self.prepare(&mesh, index)?;
             }
-            level.set(Settings::of(self.options, index, round))?;
+            level.set(Settings::of(self.options, [index, self.levels], round))?;
             if last {
                 // σ from 1, which hardly differs from the plain energy, to what was asked for.
                 let share = if self.options.rounds > 1 { round as f64 / (self.options.rounds - 1) as f64 } else { 1.0 };
@@ -196,14 +196,15 @@ impl<'a> Job<'a> {
     fn report(&self, level: usize, round: usize) {
         // Each level has four times the faces of the one before.
         let share = |level: usize| 4.0_f64.powi(level as i32 - self.levels as i32 - 1);
-        let done = share(level) + (share(level + 1) - share(level)) * round as f64 / self.options.rounds as f64;
+        let rounds = self.options.rounds_on(level, self.levels);
+        let done = share(level) + (share(level + 1) - share(level)) * round as f64 / rounds as f64;
         self.monitor.progress(done, &format!("level {level} of {}, round {}", self.levels, round + 1));
     }
 
     fn prepare(&self, start: &TriMesh, index: usize) -> Result<Level<'a>, DevelopError> {
         let unit = start.mean_edge_length();
         let mesh = scaled(start, 1.0 / unit);
-        let settings = Settings::of(self.options, index, 0);
+        let settings = Settings::of(self.options, [index, self.levels], 0);
         let evaluator = Evaluator::new(&mesh, settings.energy, settings.weights);
         let band = BAND * settings.max_deviation / unit;
         let curves =
@@ -337,12 +338,14 @@ impl Level<'_> {
         let mut flow = Flow::new(&mut self.evaluator, self.hold.as_mut(), self.curves.as_mut(), &self.mesh);
         let x = &mut self.x;
         match &self.solver {
-            Solver::Lbfgs => Lbfgs::default().minimize(&mut flow, x, None, FIRST_STEP, &limits(300, 40, 20), monitor),
+            Solver::Lbfgs => Lbfgs::default().minimize(&mut flow, x, None, FIRST_STEP, &limits(300, 40, 60), monitor),
             Solver::LbfgsH2(metric) => {
                 let apply = |v: &mut [f64]| metric.apply_inverse(v);
-                Lbfgs::default().minimize(&mut flow, x, Some(&apply), FIRST_STEP, &limits(100, 20, 10), monitor)
+                Lbfgs::default().minimize(&mut flow, x, Some(&apply), FIRST_STEP, &limits(100, 20, 30), monitor)
             }
-            Solver::Subgradient => Subgradient::new(FIRST_STEP).minimize(&mut flow, x, &limits(1000, 100, 50), monitor),
+            Solver::Subgradient => {
+                Subgradient::new(FIRST_STEP).minimize(&mut flow, x, &limits(1000, 100, 150), monitor)
+            }
             Solver::Levenberg(curvature) => {
                 let mut flow = CurvedFlow { flow, curvature, mesh: self.mesh.clone() };
                 let (damping, longest_step) = if careful { (1.0, 0.1) } else { (1e-2, 0.7) };
@@ -351,7 +354,7 @@ impl Level<'_> {
                     x,
                     &mut curvature.matrix(),
                     &curvature.analysis,
-                    &limits(24, 6, 10),
+                    &limits(32, 4, 8),
                     monitor,
                 )
             }

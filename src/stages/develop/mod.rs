@@ -77,7 +77,7 @@ pub struct Options {
     pub remesh: bool,
     /// Subdivisions; `None` until there are enough vertices.
     pub levels: Option<usize>,
-    /// Rounds per level, each with a stronger hold on the source.
+    /// Rounds on the finest level, each with a stronger hold on the source; coarser levels have one.
     pub rounds: usize,
     /// Most steps per round; `None` for what the optimiser usually needs.
     pub iterations: Option<usize>,

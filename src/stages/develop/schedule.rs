@@ -1,12 +1,12 @@
 //! What each round of each level does: one rule for all, and what was asked otherwise for some.
 use super::{DevelopError, Optimizer, Options, barrier::Weights, energy::Energy};
 
-/// Weight of the fidelity term in the first and the last round of a level.
-const HOLD: [f64; 2] = [3.0, 90.0];
+/// Weight of the fidelity term in the first and the last round of the last level; before, it is between them.
+const HOLD: [f64; 2] = [6.0, 90.0];
 /// Weights of the barriers on the coarsest level.
 const BARRIERS: Weights = Weights { angle: 3e-4, fold: 0.01, defect: 0.1, area: 1e-4 };
 /// Relative decrease of the objective over the window of an optimiser below which a round ends.
-const DECREASE: f64 = 3e-3;
+const DECREASE: f64 = 1e-2;
 /// Norm of the gradient at mean edge length 1, over √(3 V), below which it does.
 const GRADIENT: f64 = 1e-10;
 
@@ -55,12 +55,23 @@ pub(super) struct Settings {
     pub(super) weights: Weights,
 }
 
+impl Options {
+    /// Rounds on one level: coarse ones only prepare the last, and have one.
+    pub(super) fn rounds_on(&self, level: usize, levels: usize) -> usize {
+        if level < levels { 1 } else { self.rounds }
+    }
+}
+
 impl Settings {
-    /// Those of one round of one level.
-    pub(super) fn of(options: &Options, level: usize, round: usize) -> Self {
+    /// Those of one round of one level, of so many above the coarsest.
+    pub(super) fn of(options: &Options, [level, levels]: [usize; 2], round: usize) -> Self {
         // Sums over faces and corners grow by 4 with each level; the energy of a seam does not.
         let shrink = 0.25_f64.powi(level as i32);
-        let share = if options.rounds > 1 { round as f64 / (options.rounds - 1) as f64 } else { 1.0 };
+        let share = match options.rounds {
+            _ if level < levels => 0.5,
+            1 => 1.0,
+            rounds => round as f64 / (rounds - 1) as f64,
+        };
         let mut settings = Self {
             energy: options.energy,
             optimizer: options.optimizer,
@@ -99,8 +110,9 @@ impl Settings {
 
     /// `Err` if the optimiser of some round does not know its energy.
     pub(super) fn check(options: &Options, levels: usize) -> Result<(), DevelopError> {
-        for (level, round) in (0..=levels).flat_map(|level| (0..options.rounds).map(move |round| (level, round))) {
-            let Self { energy, optimizer, .. } = Self::of(options, level, round);
+        let rounds_on = |level| (0..options.rounds_on(level, levels)).map(move |round| (level, round));
+        for (level, round) in (0..=levels).flat_map(rounds_on) {
+            let Self { energy, optimizer, .. } = Self::of(options, [level, levels], round);
             if optimizer == Optimizer::Levenberg && !energy.has_curvature() {
                 return Err(DevelopError::NoCurvature { energy: energy.name, level, round: round + 1 });
             }

@@ -50,7 +50,7 @@ pub struct Develop {
     pub remesh: bool,
     /// Number of 4–1 subdivisions, or "auto".
     pub levels: Levels,
-    /// Rounds per level, each with a stronger hold on the input.
+    /// Rounds on the finest level, each with a stronger hold on the input; coarser levels have one.
     pub rounds: usize,
     /// Most steps per round; what the optimiser usually needs if not given.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -190,7 +190,7 @@ impl Default for Develop {
             facet: None,
             remesh: false,
             levels: Levels::Auto,
-            rounds: 3,
+            rounds: 2,
             iterations: None,
             curve: Vec::new(),
             round: Vec::new(),
