@@ -31,7 +31,7 @@ use crate::{
 const BAND: f64 = 0.97;
 /// Most corrections after the last round of the last level, and the growth of the weight of places found too far off.
 const CORRECTIONS: usize = 12;
-const GROWTH: f64 = 6.0;
+const GROWTH: f64 = 3.0;
 /// Largest such weight: more makes the problem too stiff for the optimiser to move at all.
 const HEAVIEST: f64 = 30.0;
 /// Share of the promised deviation that the proof may give away.
@@ -354,7 +354,7 @@ impl Level<'_> {
                     x,
                     &mut curvature.matrix(),
                     &curvature.analysis,
-                    &limits(32, 4, 8),
+                    &limits(32, 6, 8),
                     monitor,
                 )
             }
