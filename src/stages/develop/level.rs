@@ -41,15 +41,15 @@ const SAMPLES: usize = 2;
 
 /// What stays the same over all levels.
 pub(super) struct Job<'a> {
-    source: &'a TriMesh,
-    tree: &'a Bvh,
+    pub(super) source: &'a TriMesh,
+    pub(super) tree: &'a Bvh,
     /// Held curves of the source.
-    curves: &'a [Option<SourceCurves>],
+    pub(super) curves: &'a [Option<SourceCurves>],
     /// Curves of the mesh that the next level starts from.
     pub(super) networks: Networks,
-    options: &'a Options,
-    levels: usize,
-    monitor: &'a Monitor<'a>,
+    pub(super) options: &'a Options,
+    pub(super) levels: usize,
+    pub(super) monitor: &'a Monitor<'a>,
     pub(super) history: History<'a>,
 }
 
@@ -133,19 +133,6 @@ enum Stride {
 }
 
 impl<'a> Job<'a> {
-    pub(super) fn new(
-        source: &'a TriMesh,
-        tree: &'a Bvh,
-        curves: &'a [Option<SourceCurves>],
-        networks: Networks,
-        options: &'a Options,
-        levels: usize,
-        history: History<'a>,
-        monitor: &'a Monitor<'a>,
-    ) -> Self {
-        Self { source, tree, curves, networks, options, levels, monitor, history }
-    }
-
     /// Optimises one level; start and result in mm. On the last level the result is the best state that was checked.
     pub(super) fn level(&mut self, start: &TriMesh, index: usize) -> Result<TriMesh, DevelopError> {
         let mended = self.mended(start);

@@ -180,7 +180,8 @@ pub fn resume(
     let curves = networks(source).sources(source, CURVE_SPACING * options.max_deviation);
     Settings::check(options, levels)?;
     let history = History { rounds: Vec::new(), done, keep };
-    let mut job = Job::new(source, &tree, &curves, networks(start), options, levels, history, monitor);
+    let mut job =
+        Job { source, tree: &tree, curves: &curves, networks: networks(start), options, levels, history, monitor };
     let mut mesh = start.clone();
     for level in 0..=levels {
         if level > 0 {
