@@ -124,6 +124,9 @@ struct Dressed {
     unlabelled: Vec<String>,
 }
 
+/// Scales of the lettering of a part to try when something on it finds no room.
+const SCALES: [f64; 3] = [0.75, 0.6, 0.45];
+
 fn dress(
     cut: &CutMesh,
     flat: &Flattening,
@@ -136,23 +139,48 @@ fn dress(
     let mut marks = folds;
     let ticks = seams::ticks(cut, flat, piece, contours, &marks, seams, options);
     marks.extend(ticks);
-    let mut placer = lettering::Placer::new(contours, &marks);
-    let mut unlabelled = Vec::new();
     let name = &cut.pieces[piece].name;
     let mut sides: Vec<(&seams::Measured, usize)> =
         seams.iter().flat_map(|it| [(it, 0), (it, 1)]).filter(|(it, side)| it.sides[*side].piece == piece).collect();
     // Short seams have the least choice of places, so they choose first.
     sides.sort_by(|a, b| a.0.length().total_cmp(&b.0.length()));
-    for (seam, side) in sides {
-        match placer.seam_label(seam, side, options.label_height, options.least_height) {
-            Some(strokes) => marks.extend(strokes),
+    let (mut lettering, mut unlabelled) = inscribe(contours, &marks, name, &sides, options, 1.0);
+    // Large letters take the room of others: where one finds none, all of the part are smaller.
+    for scale in SCALES {
+        if unlabelled.is_empty() {
+            break;
+        }
+        let smaller = inscribe(contours, &marks, name, &sides, options, scale);
+        if smaller.1.len() < unlabelled.len() {
+            (lettering, unlabelled) = smaller;
+        }
+    }
+    marks.extend(lettering);
+    Dressed { marks, unlabelled }
+}
+
+/// The lettering of a part at `scale` of its preferred heights, and what found no room.
+fn inscribe(
+    contours: &[Vec<Vec2>],
+    marks: &[Mark],
+    name: &str,
+    sides: &[(&seams::Measured, usize)],
+    options: &Options,
+    scale: f64,
+) -> (Vec<Mark>, Vec<String>) {
+    let mut placer = lettering::Placer::new(contours, marks);
+    let (mut lettering, mut unlabelled) = (Vec::new(), Vec::new());
+    let (least, height) = (options.least_height, |height: f64| (scale * height).max(options.least_height));
+    for &(seam, side) in sides {
+        match placer.seam_label(seam, side, height(options.label_height), least) {
+            Some(strokes) => lettering.extend(strokes),
             None if seam.is_slit() || seam.length() < options.label_from => {}
             None => unlabelled.push(format!("seam {} ({:.1} mm) in part {name}", seam.label, seam.length())),
         }
     }
-    match placer.name(name, options.name_height, options.least_height) {
-        Some(strokes) => marks.extend(strokes),
+    match placer.name(name, height(options.name_height), least) {
+        Some(strokes) => lettering.extend(strokes),
         None => unlabelled.push(format!("name of part {name}")),
     }
-    Dressed { marks, unlabelled }
+    (lettering, unlabelled)
 }

@@ -53,7 +53,7 @@ impl Default for LayoutStage {
 
 impl Stage for LayoutStage {
     const NAME: &'static str = "layout";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     type Input = (CutMesh, Flattening);
     type Output = Parts;
     type Profile = ();
