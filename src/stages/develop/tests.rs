@@ -259,16 +259,16 @@ fn single_rounds_can_be_told_otherwise() {
     let overrides = vec![
         Override { iterations: Some(3), ..Override::default() },
         Override { level: Some(1), iterations: Some(2), ..Override::default() },
-        Override { level: Some(0), round: Some(1), energy, ..Override::default() },
+        Override { level: Some(1), round: Some(1), energy, ..Override::default() },
     ];
     let all = Options { levels: Some(1), optimizer: Optimizer::Auto, overrides, ..options(0.1) };
     let out = develop(&source, &source, &all, &Monitor::silent()).unwrap();
     let rounds: Vec<_> = out.rounds.iter().filter(|it| !it.correction).collect();
     let found: Vec<_> = rounds.iter().map(|it| (it.level, it.energy.as_str(), it.iterations)).collect();
     let covariance = "covariance";
-    assert_eq!(found, [(0, covariance, 3), (0, "combinatorial", 3), (1, covariance, 2), (1, covariance, 2)]);
+    assert_eq!(found, [(0, covariance, 3), (1, covariance, 2), (1, "combinatorial", 2)]);
     let error = develop(&source, &source, &Options { optimizer: Optimizer::Levenberg, ..all }, &Monitor::silent());
-    assert!(matches!(error, Err(DevelopError::NoCurvature { level: 0, round: 2, .. })), "{error:?}");
+    assert!(matches!(error, Err(DevelopError::NoCurvature { level: 1, round: 2, .. })), "{error:?}");
 }
 
 #[test]
