@@ -262,6 +262,17 @@ def same_lines(a, b):
 # -- programs ------------------------------------------------------------------------------------------------------------
 
 
+def arc(start, end, offset, turn):
+    """Points of a circular arc after its start; `turn` is 1 counter-clockwise, -1 clockwise."""
+    x, y = start[0] + offset[0], start[1] + offset[1]
+    radius = math.hypot(*offset)
+    a, b = math.atan2(start[1] - y, start[0] - x), math.atan2(end[1] - y, end[0] - x)
+    sweep = turn * ((turn * (b - a)) % math.tau or math.tau)
+    steps = max(2, math.ceil(abs(sweep) / 0.05))
+    angles = [a + sweep * k / steps for k in range(1, steps)]
+    return [(x + radius * math.cos(it), y + radius * math.sin(it)) for it in angles] + [tuple(end)]
+
+
 def read_gcode(file, fault):
     """Strokes with the tool at work, by a reader that knows no more G-code than our files may hold."""
     raw = Path(file).read_bytes()
@@ -279,10 +290,10 @@ def read_gcode(file, fault):
         words = re.findall(r"([A-Z])(-?\d+(?:\.\d+)?)", line)
         if "".join(letter + value for letter, value in words) != line.replace(" ", ""):
             fault(f"line {number} holds something else than words: {line}")
-        before = list(at)
+        before, center = list(at), [0.0, 0.0]
         for letter, value in words:
             value = float(value)
-            if letter == "G" and value in (0, 1):
+            if letter == "G" and value in (0, 1, 2, 3):
                 motion = value
             elif letter == "G":
                 fault.unless(value in (4, 17, 21, 54, 90, 94), f"line {number}: G{value:g}")
@@ -300,6 +311,8 @@ def read_gcode(file, fault):
                 up = power if up is None else up
             elif letter == "F":
                 feed = value
+            elif letter in "IJ" and motion in (2, 3):
+                center["IJ".index(letter)] = value
             else:
                 fault.unless(letter == "P", f"line {number}: {letter}")
         z_up = max((float(it) for it in re.findall(r"Z(-?[\d.]+)", text)), default=0)
@@ -311,7 +324,9 @@ def read_gcode(file, fault):
         if working:
             if not down:
                 strokes.append([tuple(before if moved else at)])
-            if moved:
+            if moved and motion in (2, 3):
+                strokes[-1] += arc(before, at, center, -1 if motion == 2 else 1)
+            elif moved:
                 strokes[-1].append(tuple(at))
         down = working
     fault.unless(cuts_on_rapids == 0, f"{cuts_on_rapids} rapids with the tool at work")
@@ -339,6 +354,9 @@ def read_hpgl(file, fault):
 
 def check_toolpaths(strokes, lines, expected, fault):
     """The program does what the drawing shows, but for what kerf and a trailing blade ask for."""
+    # A trailing blade is first turned by a short stroke in the empty margin, away from all that is drawn.
+    in_margin = lambda stroke: all(min(p) < expected.margin for p in stroke)
+    strokes = [it for it in strokes if not in_margin(it)]
     # The work zero may be any corner of the sheet: the boxes must agree up to that move.
     flat = [p for stroke in strokes for p in stroke]
     drawn = [p for _, line, _ in lines for p in line]
