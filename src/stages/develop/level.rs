@@ -28,9 +28,9 @@ use crate::{
 };
 
 /// Half width of the dead zone over the promised deviation; the rest is left for the surface between samples.
-const BAND: f64 = 0.97;
+const BAND: f64 = 0.95;
 /// Most corrections after the last round of the last level, and the growth of the weight of places found too far off.
-const CORRECTIONS: usize = 12;
+const CORRECTIONS: usize = 20;
 const GROWTH: f64 = 3.0;
 /// Largest such weight: more makes the problem too stiff for the optimiser to move at all.
 const HEAVIEST: f64 = 30.0;
