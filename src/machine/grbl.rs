@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use super::{
     abort::{Abort, Act, Raise},
     board::{Board, Options},
-    protocol::{Aborted, Command, Event, Fault, Line, Place, Protocol, Seconds},
+    protocol::{Aborted, Command, Event, Fault, Line, Outbox, Place, Protocol, Seconds},
     reply::{LineReader, Mode, Reply, Report, parse, same_place},
     track::Track,
 };
@@ -58,8 +58,7 @@ pub struct Grbl {
     /// The board's own description.
     pub board: Board,
     track: Track,
-    out: Vec<u8>,
-    events: VecDeque<Event>,
+    outbox: Outbox,
     abort: Option<Abort>,
     polled: Seconds,
     heard: Seconds,
@@ -96,8 +95,7 @@ impl Grbl {
             asked_twice: false,
             board: Board { overrides: 100, ..Board::default() },
             track: Track::new(15),
-            out: Vec::new(),
-            events: VecDeque::new(),
+            outbox: Outbox::default(),
             abort: None,
             polled: 0.0,
             heard: 0.0,
@@ -152,8 +150,7 @@ impl Grbl {
             tolerant: line.tolerant,
             at: now,
         });
-        self.out.extend_from_slice(line.text.as_bytes());
-        self.out.push(b'\n');
+        self.outbox.line(&line.text);
     }
 
     fn ask(&mut self, now: Seconds) {
@@ -170,13 +167,13 @@ impl Grbl {
                     self.warn("the board does not tell the size of its buffer ($I): one line at a time is sent".into());
                 }
                 self.phase = Phase::Ready;
-                self.events.push_back(Event::Ready);
+                self.outbox.tell(Event::Ready);
             }
         }
     }
 
     fn warn(&mut self, text: String) {
-        self.events.push_back(Event::Warning(text));
+        self.outbox.tell(Event::Warning(text));
     }
 
     fn forget_lines(&mut self) {
@@ -203,7 +200,7 @@ impl Grbl {
         let mut abort = Abort::new(now, fault, &self.options.retract, raise);
         self.inflight.clear();
         self.used = 0;
-        abort.tick(now, &mut self.out);
+        abort.tick(now, &mut self.outbox.bytes);
         self.abort = Some(abort);
     }
 
@@ -214,9 +211,9 @@ impl Grbl {
         }
         if let Some(abort) = &mut self.abort {
             if let Reply::Report(report) = &reply {
-                self.events.push_back(Event::Position(self.board.position, report.mode));
+                self.outbox.tell(Event::Position(self.board.position, report.mode));
             }
-            abort.reply(now, &reply, &mut self.out);
+            abort.reply(now, &reply, &mut self.outbox.bytes);
             self.settle_abort();
             return;
         }
@@ -240,7 +237,7 @@ impl Grbl {
             }
             Reply::Offset(name, p) => self.board.set_offset(&name, p),
             Reply::ToolOffset(z) => self.board.offsets.tool = z,
-            Reply::Text(text) => self.events.push_back(Event::Message(text)),
+            Reply::Text(text) => self.outbox.tell(Event::Message(text)),
         }
     }
 
@@ -248,7 +245,7 @@ impl Grbl {
         if let Some((fault, aborted)) = self.abort.as_mut().and_then(Abort::finished) {
             self.abort = None;
             self.phase = Phase::Ended;
-            self.events.push_back(Event::Ended(fault, aborted));
+            self.outbox.tell(Event::Ended(fault, aborted));
         }
     }
 
@@ -263,7 +260,7 @@ impl Grbl {
         self.board.mode = None;
         if self.leaving_check {
             self.leaving_check = false;
-            self.events.push_back(Event::Restarted);
+            self.outbox.tell(Event::Restarted);
         }
         // From here on the answers count; a banner while asking starts the questions anew.
         self.phase = Phase::Asking;
@@ -280,7 +277,7 @@ impl Grbl {
         }
         self.fresh += 1;
         let position = self.board.position;
-        self.events.push_back(Event::Position(position, report.mode));
+        self.outbox.tell(Event::Position(position, report.mode));
         if self.phase != Phase::Ready || self.in_check {
             return;
         }
@@ -312,7 +309,7 @@ impl Grbl {
     fn executed(&mut self, now: Seconds, line: Option<usize>) {
         if let Some(line) = line.filter(|&it| it != usize::MAX) {
             self.progress = now;
-            self.events.push_back(Event::Executed(line));
+            self.outbox.tell(Event::Executed(line));
         }
     }
 
@@ -408,7 +405,7 @@ impl Grbl {
             let news = self.track.ok();
             self.executed(now, news);
         }
-        self.events.push_back(Event::Answered(sent.place.index));
+        self.outbox.tell(Event::Answered(sent.place.index));
     }
 
     fn watch(&mut self, now: Seconds) {
@@ -417,7 +414,7 @@ impl Grbl {
             Phase::Greeting => {
                 if now - opened > self.options.boot {
                     self.phase = Phase::Ended;
-                    self.events.push_back(Event::Ended(Fault::NoReply(now - opened), Aborted::default()));
+                    self.outbox.tell(Event::Ended(Fault::NoReply(now - opened), Aborted::default()));
                 }
             }
             Phase::Asking => {
@@ -466,7 +463,7 @@ impl Grbl {
         let homing = self.inflight.front().is_some_and(|it| it.place.text.starts_with("$H"));
         if now - self.polled >= pace && !homing {
             self.polled = now;
-            self.out.push(b'?');
+            self.outbox.bytes.push(b'?');
         }
         let current = self.board.overrides;
         if self.phase == Phase::Ready && current != self.feed && now - self.feed_sent >= OVERRIDE_GAP {
@@ -478,7 +475,7 @@ impl Grbl {
                 -9..=-1 => (0x94, -1),
                 _ => (0x92, -10),
             };
-            self.out.push(byte);
+            self.outbox.bytes.push(byte);
             // Taken as done; the next report with `Ov` corrects it.
             self.board.overrides = if step == 0 { 100 } else { (i64::from(current) + step).max(10) as u32 };
         }
@@ -511,7 +508,7 @@ impl Protocol for Grbl {
             self.polled = now - 0.3;
         }
         if let Some(abort) = &mut self.abort {
-            abort.tick(now, &mut self.out);
+            abort.tick(now, &mut self.outbox.bytes);
             self.settle_abort();
             return;
         }
@@ -573,16 +570,12 @@ impl Protocol for Grbl {
         if self.phase != Phase::Ended {
             let first = self.abort.take().map_or(fault, Abort::into_fault);
             self.phase = Phase::Ended;
-            self.events.push_back(Event::Ended(first, Aborted::default()));
+            self.outbox.tell(Event::Ended(first, Aborted::default()));
         }
     }
 
-    fn output(&mut self) -> Vec<u8> {
-        std::mem::take(&mut self.out)
-    }
-
-    fn event(&mut self) -> Option<Event> {
-        self.events.pop_front()
+    fn outbox(&mut self) -> &mut Outbox {
+        &mut self.outbox
     }
 
     fn ahead(&self) -> Seconds {

@@ -5,7 +5,7 @@
 //! and CR, `ESC . K` throws the buffer away.
 use std::collections::VecDeque;
 
-use super::protocol::{Aborted, Command, Event, Fault, Line, Protocol, Seconds};
+use super::protocol::{Aborted, Command, Event, Fault, Line, Outbox, Protocol, Schedule, Seconds};
 use crate::profile::Flow;
 
 /// Between two questions for room, s.
@@ -50,7 +50,7 @@ enum Phase {
 pub struct Hpgl {
     options: Options,
     phase: Phase,
-    now: Seconds,
+    schedule: Schedule,
     /// XOFF was received, since when.
     held: Option<Seconds>,
     /// Digits of an answer.
@@ -69,11 +69,7 @@ pub struct Hpgl {
     bytes: usize,
     /// When everything written has gone over the wire.
     wire: Seconds,
-    due: Seconds,
-    planned: Seconds,
-    fault: Option<Fault>,
-    out: Vec<u8>,
-    events: VecDeque<Event>,
+    outbox: Outbox,
 }
 
 impl Hpgl {
@@ -82,7 +78,7 @@ impl Hpgl {
         Self {
             options,
             phase: Phase::Opening,
-            now: 0.0,
+            schedule: Schedule::default(),
             held: None,
             digits: String::new(),
             asked: None,
@@ -93,11 +89,7 @@ impl Hpgl {
             sent: VecDeque::new(),
             bytes: 0,
             wire: 0.0,
-            due: 0.0,
-            planned: 0.0,
-            fault: None,
-            out: Vec::new(),
-            events: VecDeque::new(),
+            outbox: Outbox::default(),
         }
     }
 
@@ -107,7 +99,7 @@ impl Hpgl {
 
     fn ask(&mut self, now: Seconds) {
         if self.asks() && self.asked.is_none() {
-            self.out.extend_from_slice(b"\x1b.B");
+            self.outbox.bytes.extend_from_slice(b"\x1b.B");
             self.asked = Some(now);
         }
     }
@@ -121,7 +113,7 @@ impl Hpgl {
         match self.phase {
             Phase::Opening => {
                 self.phase = Phase::Ready;
-                self.events.push_back(Event::Ready);
+                self.outbox.tell(Event::Ready);
             }
             Phase::Aborting(_) if inside == 0 => {
                 self.end(Aborted { tool_off: true, position_kept: true });
@@ -136,7 +128,7 @@ impl Hpgl {
             self.bytes -= bytes;
             done = line.or(done);
         }
-        self.events.extend(done.map(Event::Executed));
+        self.outbox.events.extend(done.map(Event::Executed));
         if inside > 0 {
             self.emptied = None;
         } else if self.emptied.is_none() {
@@ -148,34 +140,33 @@ impl Hpgl {
         if matches!(self.phase, Phase::Aborting(_) | Phase::Ended) {
             return;
         }
-        self.fault = Some(fault);
+        self.outbox.fault = Some(fault);
         self.phase = Phase::Aborting(now);
         self.held = None;
         self.asked = None;
         // The buffer goes, then the tool; a command that was cut in two ends at the semicolon.
-        self.out.clear();
-        self.out.extend_from_slice(b"\x1b.K;PU;SP0;\n");
+        self.outbox.bytes.clear();
+        self.outbox.bytes.extend_from_slice(b"\x1b.K;PU;SP0;\n");
     }
 
     fn end(&mut self, aborted: Aborted) {
         self.phase = Phase::Ended;
-        if let Some(fault) = self.fault.take() {
-            self.events.push_back(Event::Ended(fault, aborted));
-        }
+        self.outbox.end(aborted);
     }
 
     /// Everything sent must have been cut by now.
     fn drained(&self) -> bool {
         if self.asks() {
-            return self.emptied.is_some_and(|it| self.now - it > SETTLE) && self.now >= self.due;
+            return self.emptied.is_some_and(|it| self.schedule.now - it > SETTLE)
+                && self.schedule.now >= self.schedule.due;
         }
-        self.held.is_none() && self.now >= self.due + SETTLE + SLOWER * self.planned
+        self.held.is_none() && self.schedule.now >= self.schedule.due + SETTLE + SLOWER * self.schedule.planned
     }
 }
 
 impl Protocol for Hpgl {
     fn receive(&mut self, now: Seconds, bytes: &[u8]) {
-        self.now = now;
+        self.schedule.now = now;
         for &byte in bytes {
             match byte {
                 XOFF if self.options.flow == Flow::XonXoff => {
@@ -198,17 +189,17 @@ impl Protocol for Hpgl {
     }
 
     fn tick(&mut self, now: Seconds) {
-        self.now = now;
+        self.schedule.now = now;
         match self.phase {
             Phase::Opening if !self.asks() => {
                 self.phase = Phase::Ready;
-                self.events.push_back(Event::Ready);
+                self.outbox.tell(Event::Ready);
             }
             Phase::Opening => {
                 self.ask(now);
                 if self.asked.is_some_and(|it| now - it > ANSWER) {
                     self.phase = Phase::Ended;
-                    self.events.push_back(Event::Ended(Fault::NoReply(ANSWER), Aborted::default()));
+                    self.outbox.tell(Event::Ended(Fault::NoReply(ANSWER), Aborted::default()));
                 }
             }
             Phase::Ready => {
@@ -239,21 +230,19 @@ impl Protocol for Hpgl {
 
     fn can_take(&self, line: &Line) -> bool {
         let short = self.ahead() + line.seconds <= self.options.buffered || self.ahead() < LEAST_AHEAD;
-        let flows = self.options.flow != Flow::XonXoff || self.wire - self.now <= ON_WIRE;
+        let flows = self.options.flow != Flow::XonXoff || self.wire - self.schedule.now <= ON_WIRE;
         let fits = !self.asks() || self.asked.is_none() && line.text.len() + 1 < self.free;
         self.phase == Phase::Ready && self.held.is_none() && short && fits && flows
     }
 
     fn push(&mut self, now: Seconds, line: Line) {
-        self.out.extend_from_slice(line.text.as_bytes());
-        self.out.push(b'\n');
+        self.outbox.line(&line.text);
         let bytes = line.text.len() + 1;
         // Ten bits a byte.
         self.wire = self.wire.max(now) + 10.0 * bytes as f64 / f64::from(self.options.baud);
         self.free = self.free.saturating_sub(bytes);
         self.bytes += bytes;
-        self.due = self.due.max(now) + line.seconds;
-        self.planned += line.seconds;
+        self.schedule.add(now, line.seconds);
         self.emptied = None;
         if self.asks() {
             self.sent.push_back((line.index, bytes, line.seconds));
@@ -261,38 +250,34 @@ impl Protocol for Hpgl {
     }
 
     fn at_rest(&self) -> bool {
-        self.phase == Phase::Ready && (self.planned == 0.0 && self.bytes == 0 || self.drained())
+        self.phase == Phase::Ready && (self.schedule.planned == 0.0 && self.bytes == 0 || self.drained())
     }
 
     fn command(&mut self, now: Seconds, command: Command) {
         match command {
             Command::Abort => self.fail(now, Fault::Interrupted),
             Command::Feed(_) => {
-                self.events.push_back(Event::Warning("an HPGL cutter takes no feed override; use its own keys".into()));
+                self.outbox.tell(Event::Warning("an HPGL cutter takes no feed override; use its own keys".into()));
             }
         }
     }
 
     fn broken(&mut self, _now: Seconds, fault: Fault) {
         if self.phase != Phase::Ended {
-            self.fault.get_or_insert(fault);
+            self.outbox.fault.get_or_insert(fault);
             self.end(Aborted::default());
         }
     }
 
-    fn output(&mut self) -> Vec<u8> {
-        std::mem::take(&mut self.out)
-    }
-
-    fn event(&mut self) -> Option<Event> {
-        self.events.pop_front()
+    fn outbox(&mut self) -> &mut Outbox {
+        &mut self.outbox
     }
 
     fn ahead(&self) -> Seconds {
-        (self.due - self.now).max(0.0)
+        self.schedule.ahead()
     }
 
     fn done(&self) -> Seconds {
-        (self.planned - self.ahead()).max(0.0)
+        self.schedule.done()
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::{
-    protocol::{Aborted, Command, Event, Fault, Line, Place, Protocol, Seconds},
+    protocol::{Aborted, Command, Event, Fault, Line, Outbox, Place, Protocol, Schedule, Seconds},
     reply::{LineReader, Mode},
     track::Track,
 };
@@ -65,7 +65,7 @@ pub struct Marlin {
     options: Options,
     phase: Phase,
     opened: Option<Seconds>,
-    now: Seconds,
+    schedule: Schedule,
     reader: LineReader,
     number: u32,
     sent: Option<Sent>,
@@ -77,18 +77,13 @@ pub struct Marlin {
     again: bool,
     copied: bool,
     track: Track,
-    /// When everything sent will have been executed, by the plan, and its seconds so far.
-    due: Seconds,
-    planned: Seconds,
     synced: bool,
     pushed: Seconds,
     progress: Seconds,
     feed: Option<u32>,
-    fault: Option<Fault>,
     /// Position that the board told, work coordinates.
     pub position: Point,
-    out: Vec<u8>,
-    events: VecDeque<Event>,
+    outbox: Outbox,
 }
 
 /// XOR of the bytes before the star.
@@ -103,7 +98,7 @@ impl Marlin {
             options,
             phase: Phase::Greeting,
             opened: None,
-            now: 0.0,
+            schedule: Schedule::default(),
             reader: LineReader::default(),
             number: 0,
             sent: None,
@@ -113,16 +108,12 @@ impl Marlin {
             again: false,
             copied: false,
             track: Track::new(BLOCKS),
-            due: 0.0,
-            planned: 0.0,
             synced: true,
             pushed: 0.0,
             progress: 0.0,
             feed: None,
-            fault: None,
             position: [0.0; 3],
-            out: Vec::new(),
-            events: VecDeque::new(),
+            outbox: Outbox::default(),
         }
     }
 
@@ -138,8 +129,7 @@ impl Marlin {
             let text = format!("N{} {command}", self.number);
             format!("{text}*{}", checksum(&text))
         };
-        self.out.extend_from_slice(text.as_bytes());
-        self.out.push(b'\n');
+        self.outbox.line(&text);
         let place = Place { index: line.index, text: line.text.clone() };
         self.sent = Some(Sent { text, place, patience: line.patience, at: now, kind });
         self.progress = now;
@@ -150,7 +140,7 @@ impl Marlin {
             Some(text) => self.transmit(now, &Line::command(text), Kind::Question),
             None => {
                 self.phase = Phase::Ready;
-                self.events.push_back(Event::Ready);
+                self.outbox.tell(Event::Ready);
             }
         }
     }
@@ -172,20 +162,17 @@ impl Marlin {
         lines.push("M400".to_owned());
         let answers = lines.len() + usize::from(self.sent.take().is_some());
         // A line that was being sent ends here.
-        self.out.push(b'\n');
+        self.outbox.bytes.push(b'\n');
         for line in lines {
-            self.out.extend_from_slice(line.as_bytes());
-            self.out.push(b'\n');
+            self.outbox.line(&line);
         }
-        self.fault = Some(fault);
+        self.outbox.fault = Some(fault);
         self.phase = Phase::Aborting { fault_at: now, answers };
     }
 
     fn end(&mut self, aborted: Aborted) {
         self.phase = Phase::Ended;
-        if let Some(fault) = self.fault.take() {
-            self.events.push_back(Event::Ended(fault, aborted));
-        }
+        self.outbox.end(aborted);
     }
 
     fn place(&self) -> Option<Place> {
@@ -206,7 +193,7 @@ impl Marlin {
         }
         let Some(sent) = self.sent.take() else {
             if self.phase == Phase::Ready {
-                self.events.push_back(Event::Warning("the board answered once more than it was asked".into()));
+                self.outbox.tell(Event::Warning("the board answered once more than it was asked".into()));
             }
             return;
         };
@@ -218,11 +205,11 @@ impl Marlin {
             Kind::Program => {
                 let news = self.track.ok();
                 self.executed(news);
-                self.events.push_back(Event::Answered(sent.place.index));
+                self.outbox.tell(Event::Answered(sent.place.index));
             }
             Kind::Sync => {
                 self.synced = true;
-                self.due = now;
+                self.schedule.due = now;
                 let news = self.track.idle();
                 self.executed(news);
             }
@@ -232,7 +219,7 @@ impl Marlin {
 
     fn executed(&mut self, line: Option<usize>) {
         if let Some(line) = line.filter(|&it| it != usize::MAX) {
-            self.events.push_back(Event::Executed(line));
+            self.outbox.tell(Event::Executed(line));
         }
     }
 
@@ -269,9 +256,9 @@ impl Marlin {
             self.fail(now, fault);
         } else if let Some(position) = position(text) {
             self.position = position;
-            self.events.push_back(Event::Position(position, Mode::Idle));
+            self.outbox.tell(Event::Position(position, Mode::Idle));
         } else {
-            self.events.push_back(Event::Message(text.to_owned()));
+            self.outbox.tell(Event::Message(text.to_owned()));
         }
     }
 
@@ -289,8 +276,7 @@ impl Marlin {
             self.fail(now, fault);
             return;
         }
-        self.out.extend_from_slice(sent.text.as_bytes());
-        self.out.push(b'\n');
+        self.outbox.line(&sent.text);
         sent.at = now;
     }
 
@@ -301,11 +287,11 @@ impl Marlin {
             Phase::Greeting if now - opened > 0.5 * self.options.boot => self.greet(now),
             Phase::Asking if now - opened > self.options.boot + ANSWER => {
                 self.phase = Phase::Ended;
-                self.events.push_back(Event::Ended(Fault::NoReply(now - opened), Aborted::default()));
+                self.outbox.tell(Event::Ended(Fault::NoReply(now - opened), Aborted::default()));
             }
             Phase::Ready => {
                 let Some(sent) = &self.sent else { return };
-                let allowed = ANSWER + sent.patience + (self.due - now).max(0.0);
+                let allowed = ANSWER + sent.patience + (self.schedule.due - now).max(0.0);
                 let waited = now - self.progress.max(sent.at);
                 if waited > allowed {
                     let place = sent.place.clone();
@@ -313,9 +299,8 @@ impl Marlin {
                 } else if waited > 0.5 * allowed && !self.again {
                     // The end of the line or its answer may be lost. Its number keeps it from being done twice.
                     (self.again, self.copied) = (true, true);
-                    self.out.push(b'\n');
-                    self.out.extend_from_slice(sent.text.as_bytes());
-                    self.out.push(b'\n');
+                    self.outbox.bytes.push(b'\n');
+                    self.outbox.line(&sent.text);
                 }
             }
             Phase::Aborting { fault_at, .. } if now - fault_at > CLOSING + self.options.buffered => {
@@ -338,7 +323,7 @@ fn position(text: &str) -> Option<Point> {
 
 impl Protocol for Marlin {
     fn receive(&mut self, now: Seconds, bytes: &[u8]) {
-        self.now = now;
+        self.schedule.now = now;
         let mut reader = std::mem::take(&mut self.reader);
         reader.feed(bytes, |line| {
             if self.phase != Phase::Ended {
@@ -349,13 +334,13 @@ impl Protocol for Marlin {
     }
 
     fn tick(&mut self, now: Seconds) {
-        self.now = now;
+        self.schedule.now = now;
         self.watch(now);
         if self.phase == Phase::Ready && self.sent.is_none() {
             if let Some(percent) = self.feed.take() {
                 self.transmit(now, &Line::command(format!("M220 S{percent}")), Kind::Override);
             } else if !self.synced && now - self.pushed > QUIET {
-                let patience = (self.due - now).max(0.0) + 1.0;
+                let patience = (self.schedule.due - now).max(0.0) + 1.0;
                 self.transmit(now, &Line { patience, ..Line::command("M400") }, Kind::Sync);
             }
         }
@@ -373,8 +358,7 @@ impl Protocol for Marlin {
 
     fn push(&mut self, now: Seconds, line: Line) {
         self.transmit(now, &line, Kind::Program);
-        self.due = self.due.max(now) + line.seconds;
-        self.planned += line.seconds;
+        self.schedule.add(now, line.seconds);
         self.pushed = now;
         self.synced = false;
         self.track.sent(line.index.unwrap_or(usize::MAX), line.moves, line.seconds, line.waits, line.opaque);
@@ -393,25 +377,21 @@ impl Protocol for Marlin {
 
     fn broken(&mut self, _now: Seconds, fault: Fault) {
         if self.phase != Phase::Ended {
-            self.fault.get_or_insert(fault);
+            self.outbox.fault.get_or_insert(fault);
             self.end(Aborted::default());
         }
     }
 
-    fn output(&mut self) -> Vec<u8> {
-        std::mem::take(&mut self.out)
-    }
-
-    fn event(&mut self) -> Option<Event> {
-        self.events.pop_front()
+    fn outbox(&mut self) -> &mut Outbox {
+        &mut self.outbox
     }
 
     fn ahead(&self) -> Seconds {
-        (self.due - self.now).max(0.0)
+        self.schedule.ahead()
     }
 
     fn done(&self) -> Seconds {
-        (self.planned - self.ahead()).max(0.0)
+        self.schedule.done()
     }
 }
 

@@ -1,5 +1,7 @@
 //! What the protocols of all machines have in common: a state machine takes bytes with the time and gives bytes and
 //! events. There is no clock, no thread and no port inside.
+use std::collections::VecDeque;
+
 use super::{codes, reply::Mode};
 use crate::import::gcode::path::{Move, Point};
 
@@ -198,6 +200,66 @@ pub enum Command {
     Feed(u32),
 }
 
+/// What a protocol has to say: bytes to the machine, events to the session.
+#[derive(Debug, Default)]
+pub struct Outbox {
+    /// Bytes to be written.
+    pub bytes: Vec<u8>,
+    /// Events, the oldest first.
+    pub events: VecDeque<Event>,
+    /// The fault that is being handled; the first one counts, later ones are its consequences.
+    pub fault: Option<Fault>,
+}
+
+impl Outbox {
+    /// A line with its end.
+    pub fn line(&mut self, text: &str) {
+        self.bytes.extend_from_slice(text.as_bytes());
+        self.bytes.push(b'\n');
+    }
+
+    /// Something happened.
+    pub fn tell(&mut self, event: Event) {
+        self.events.push_back(event);
+    }
+
+    /// The handling of the fault has ended.
+    pub fn end(&mut self, aborted: Aborted) {
+        if let Some(fault) = self.fault.take() {
+            self.tell(Event::Ended(fault, aborted));
+        }
+    }
+}
+
+/// The motion on a machine that does not report it, by the plan.
+#[derive(Debug, Default)]
+pub struct Schedule {
+    /// The clock.
+    pub now: Seconds,
+    /// When everything sent will have been executed.
+    pub due: Seconds,
+    /// Seconds of everything sent.
+    pub planned: Seconds,
+}
+
+impl Schedule {
+    /// A line goes out that takes so long.
+    pub fn add(&mut self, now: Seconds, seconds: Seconds) {
+        self.due = self.due.max(now) + seconds;
+        self.planned += seconds;
+    }
+
+    /// Seconds of motion still before it.
+    pub fn ahead(&self) -> Seconds {
+        (self.due - self.now).max(0.0)
+    }
+
+    /// Seconds of the plan that have been executed.
+    pub fn done(&self) -> Seconds {
+        (self.planned - self.ahead()).max(0.0)
+    }
+}
+
 /// A protocol: bytes and times in, bytes and events out.
 pub trait Protocol {
     /// Takes bytes from the machine.
@@ -216,10 +278,16 @@ pub trait Protocol {
     fn command(&mut self, now: Seconds, command: Command);
     /// The connection is gone or does not take bytes.
     fn broken(&mut self, now: Seconds, fault: Fault);
+    /// Where bytes and events wait to be handed out.
+    fn outbox(&mut self) -> &mut Outbox;
     /// Bytes to be written now.
-    fn output(&mut self) -> Vec<u8>;
+    fn output(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.outbox().bytes)
+    }
     /// The next event.
-    fn event(&mut self) -> Option<Event>;
+    fn event(&mut self) -> Option<Event> {
+        self.outbox().events.pop_front()
+    }
     /// Seconds of motion that the machine may still have before it without another byte.
     fn ahead(&self) -> Seconds;
     /// Seconds of the plan that have been executed.

@@ -1,149 +1,25 @@
 //! The sender against boards in simulated time: whole jobs, every fault at many places, resume, throughput.
 #![allow(clippy::unwrap_used, reason = "a test that panics is a test that fails")]
-use std::{cell::RefCell, collections::VecDeque, path::Path, rc::Rc};
+use std::{cell::RefCell, path::Path, rc::Rc};
 
 use fabricate::{
-    import::gcode::{Sense, points},
     machine::{
         grbl::Grbl,
         job::{self, Wishes},
         protocol::{Event, Fault},
         session::{Operator, SendError, Session, Wish},
     },
-    profile::{Machine, load_machine},
+    profile::Machine,
 };
 
-use crate::board::{
-    Device, Dice, SimWire,
-    grbl::{Config, GrblBoard, Sample, Tool},
+use crate::{
+    board::{
+        Device, Dice, SimWire,
+        grbl::{Config, GrblBoard, Tool},
+        hand::{Hand, Outcome, drive},
+    },
+    strokes::{KNIFE, along, expected, machine, polygons, same, segment_distance, touched},
 };
-
-/// An operator that acts when the board has come to a time.
-pub(crate) struct Hand {
-    board: Rc<RefCell<GrblBoard>>,
-    wishes: VecDeque<(f64, Wish)>,
-    events: Vec<Event>,
-    pauses: Vec<String>,
-    panic_at: Option<f64>,
-    /// Answers pauses by itself.
-    goes_on: bool,
-    go: bool,
-}
-
-impl Hand {
-    fn new(board: &Rc<RefCell<GrblBoard>>) -> Self {
-        let (wishes, events, pauses) = (VecDeque::new(), Vec::new(), Vec::new());
-        Self { board: board.clone(), wishes, events, pauses, panic_at: None, goes_on: true, go: false }
-    }
-}
-
-impl Operator for Hand {
-    fn wish(&mut self) -> Option<Wish> {
-        let now = self.board.borrow().now();
-        if self.panic_at.is_some_and(|it| now >= it) {
-            self.panic_at = None;
-            panic!("a bug in the program");
-        }
-        if std::mem::take(&mut self.go) {
-            return Some(Wish::Go);
-        }
-        let due = self.wishes.front().is_some_and(|it| now >= it.0);
-        due.then(|| self.wishes.pop_front().unwrap().1)
-    }
-
-    fn event(&mut self, event: &Event) {
-        self.events.push(event.clone());
-    }
-
-    fn progress(&mut self, _: f64) {}
-
-    fn paused(&mut self, why: &str) {
-        self.pauses.push(why.to_owned());
-        self.go = self.goes_on;
-    }
-}
-
-pub(crate) fn machine(name: &str, keys: &str) -> Machine {
-    let text = format!("profile = \"{name}\"\n{keys}");
-    load_machine(Path::new("."), toml::de::DeTable::parse(&text).unwrap().get_ref()).unwrap()
-}
-
-pub(crate) const KNIFE: Tool = Tool::Servo { up: 40.0, down: 90.0 };
-
-/// Closed polygons of a servo program, as `emit` writes them.
-pub(crate) fn polygons(count: usize, corners: usize, radius: f64) -> String {
-    let mut text = String::from("(fabricate: test)\nG21 G90 G94 G17 G54\nM3 S40\nG4 P0.15\n");
-    for i in 0..count {
-        let (cx, cy) = (20.0 + (i % 8) as f64 * 45.0, 20.0 + (i / 8) as f64 * 45.0);
-        for k in 0..=corners {
-            let a = k as f64 / corners as f64 * std::f64::consts::TAU;
-            let (x, y) = (cx + radius * a.cos(), cy + radius * a.sin());
-            if k == 0 {
-                text += &format!("G0 X{x:.3} Y{y:.3}\nM3 S90\nG4 P0.2\n");
-            } else {
-                text += &format!("G1 X{x:.3} Y{y:.3}{}\n", if k == 1 { " F3000" } else { "" });
-            }
-        }
-        text += "M3 S40\nG4 P0.15\n";
-    }
-    text + "G0 X0 Y0\nM2\n"
-}
-
-/// What the program says should be touched: strokes in work coordinates.
-pub(crate) fn expected(program: &str, machine: &Machine) -> Vec<Vec<[f64; 2]>> {
-    let read = fabricate::import::read_gcode(program, Sense::of(&machine.head)).unwrap();
-    read.strokes().iter().map(|it| points(it, 1e-3).iter().map(|p| [p.x, p.y]).collect()).collect()
-}
-
-/// What the board really did with the tool on, as strokes in work coordinates.
-pub(crate) fn touched(board: &GrblBoard) -> Vec<Vec<[f64; 2]>> {
-    let zero = board.work_zero();
-    let mut out: Vec<Vec<[f64; 2]>> = Vec::new();
-    let mut last: Option<Sample> = None;
-    for &it in &board.trace {
-        if it.on {
-            let p = [it.at[0] - zero[0], it.at[1] - zero[1]];
-            match last {
-                Some(before) if before.on => {
-                    let stroke = out.last_mut().unwrap();
-                    let q = stroke[stroke.len() - 1];
-                    if (p[0] - q[0]).hypot(p[1] - q[1]) > 1e-6 {
-                        stroke.push(p);
-                    }
-                }
-                _ => out.push(vec![p]),
-            }
-        }
-        last = Some(it);
-    }
-    out.retain(|it| it.len() > 1);
-    out
-}
-
-pub(crate) fn same(a: &[Vec<[f64; 2]>], b: &[Vec<[f64; 2]>]) -> Result<(), String> {
-    if a.len() != b.len() {
-        return Err(format!("{} strokes instead of {}", b.len(), a.len()));
-    }
-    for (i, (a, b)) in a.iter().zip(b).enumerate() {
-        if a.len() != b.len() {
-            return Err(format!("stroke {i}: {} points instead of {}", b.len(), a.len()));
-        }
-        for (p, q) in a.iter().zip(b) {
-            if (p[0] - q[0]).hypot(p[1] - q[1]) > 1e-3 {
-                return Err(format!("stroke {i}: {q:?} instead of {p:?}"));
-            }
-        }
-    }
-    Ok(())
-}
-
-pub(crate) struct Outcome {
-    pub(crate) result: Result<(), SendError>,
-    pub(crate) events: Vec<Event>,
-    pub(crate) pauses: Vec<String>,
-    pub(crate) told: Vec<String>,
-    pub(crate) log: String,
-}
 
 struct Run<'a> {
     machine: &'a Machine,
@@ -156,18 +32,10 @@ struct Run<'a> {
 fn send(board: &Rc<RefCell<GrblBoard>>, program: &str, run: Run<'_>) -> Outcome {
     let mut hand = Hand::new(board);
     hand.wishes = run.hands.into();
-    let mut log = Vec::new();
-    let mut told = Vec::new();
-    let result = {
-        let wire = SimWire::new(board);
-        let grbl = Grbl::new(job::grbl_options(run.machine));
-        let mut session = Session::new(wire, grbl, &mut hand, Some(Box::new(&mut log)));
-        session.prepare(run.machine, run.wishes).and_then(|()| {
-            session.perform(program, run.machine, run.wishes, run.journal, &mut |text| told.push(text.to_owned()))
-        })
-    };
-    let log = String::from_utf8(log).unwrap();
-    Outcome { result, events: hand.events, pauses: hand.pauses, told, log }
+    drive(board, hand, Grbl::new(job::grbl_options(run.machine)), |session, tell| {
+        session.prepare(run.machine, run.wishes)?;
+        session.perform(program, run.machine, run.wishes, run.journal, tell)
+    })
 }
 
 fn board(config: Config) -> Rc<RefCell<GrblBoard>> {
@@ -198,32 +66,6 @@ fn a_job_arrives_position_by_position() {
     }
 }
 
-/// Whether strokes run along each other, however their arcs were cut into chords.
-fn along(a: &[Vec<[f64; 2]>], b: &[Vec<[f64; 2]>]) -> Result<f64, String> {
-    if a.len() != b.len() {
-        return Err(format!("{} strokes instead of {}", b.len(), a.len()));
-    }
-    let mut worst = 0.0_f64;
-    for (i, (a, b)) in a.iter().zip(b).enumerate() {
-        for (from, to) in [(a, b), (b, a)] {
-            // In order: the nearest place is never sought behind the last one.
-            let mut at = 0;
-            for p in from {
-                let near = |k: usize| segment_distance(*p, to[k], to[k + 1]);
-                // The first that is near enough, so that a line which comes by again is not taken for its later self.
-                let ahead = at..to.len() - 1;
-                let first = ahead.clone().find(|k| near(*k) < 0.01);
-                at = first.unwrap_or_else(|| ahead.min_by(|a, b| near(*a).total_cmp(&near(*b))).unwrap());
-                worst = worst.max(near(at));
-            }
-            if worst > 0.01 {
-                return Err(format!("stroke {i} is {worst:.3} mm off"));
-            }
-        }
-    }
-    Ok(worst)
-}
-
 #[test]
 fn arcs_arrive_and_are_followed() {
     let machine = machine("drag-knife-a3", "");
@@ -241,26 +83,6 @@ fn arcs_arrive_and_are_followed() {
     out.result.unwrap();
     let worst = along(&expected(&program, &machine), &touched(&board.borrow())).unwrap();
     println!("arcs: {worst:.4} mm between the chords of the board and of the reader");
-}
-
-/// For real jobs: `PROGRAM=sheet-01.nc MACHINE=drag-knife-a3 cargo test --test it a_given_program -- --ignored`.
-#[test]
-#[ignore = "takes its program from the variable PROGRAM"]
-fn a_given_program_arrives_position_by_position() {
-    let machine = machine(&std::env::var("MACHINE").unwrap(), "");
-    let program = std::fs::read_to_string(std::env::var("PROGRAM").unwrap()).unwrap();
-    let board = board(Config { receive: 128, ..Config::new(KNIFE) });
-    let out = send(&board, &program, Run { machine: &machine, wishes: PLAIN, journal: None, hands: vec![] });
-    out.result.unwrap_or_else(|err| panic!("{err}\n{}", &out.log[out.log.len().saturating_sub(3000)..]));
-    let board = board.borrow();
-    let want = expected(&program, &machine);
-    let worst = along(&want, &touched(&board)).unwrap();
-    let (lines, seconds) = (program.lines().count(), board.now());
-    println!(
-        "{} strokes, {lines} lines, {worst:.4} mm apart at most, {seconds:.0} s, {} pauses",
-        want.len(),
-        out.pauses.len()
-    );
 }
 
 /// The same polygons for a laser: power rides with the motion.
@@ -639,6 +461,15 @@ fn every_fault_at_many_places_ends_with_the_tool_off_and_can_be_resumed() {
     }
 }
 
+/// A job homed, begun, and stopped at a time: the tool is off and the position kept.
+fn interrupted(board: &Rc<RefCell<GrblBoard>>, program: &str, machine: &Machine, journal: &Path, at: f64) -> Outcome {
+    let hands = vec![(at, Wish::Abort)];
+    let out = send(board, program, Run { machine, wishes: HOME, journal: Some(journal), hands });
+    let Err(SendError::Fault { fault: Fault::Interrupted, aborted }) = &out.result else { panic!("{:?}", out.result) };
+    assert!(aborted.position_kept && aborted.tool_off, "{at}: {aborted:?}\n{}", out.log);
+    out
+}
+
 /// Ctrl-C: the wish to abort at any moment.
 #[test]
 fn an_interrupt_at_any_moment_stops_with_the_tool_off_and_the_position_kept() {
@@ -652,12 +483,7 @@ fn an_interrupt_at_any_moment_stops_with_the_tool_off_and_the_position_kept() {
         let board = homed(false);
         let dir = tempfile::tempdir().unwrap();
         let journal = dir.path().join("job.journal");
-        let hands = vec![(at, Wish::Abort)];
-        let out = send(&board, &program, Run { machine: &machine, wishes: HOME, journal: Some(&journal), hands });
-        let Err(SendError::Fault { fault: Fault::Interrupted, aborted }) = out.result else {
-            panic!("{:?}", out.result)
-        };
-        assert!(aborted.position_kept && aborted.tool_off, "{round}: {aborted:?}\n{}", out.log);
+        let out = interrupted(&board, &program, &machine, &journal, at);
         {
             let board = board.borrow();
             assert!(!board.tool_on() && !board.moving() && !board.locked());
@@ -802,12 +628,6 @@ fn lost_and_garbled_bytes_never_leave_the_tool_on_and_are_seen_where_they_can_be
     assert!(missed <= 3, "{missed} not seen");
 }
 
-fn segment_distance(p: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
-    let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
-    let t = (((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / (dx * dx + dy * dy).max(1e-12)).clamp(0.0, 1.0);
-    (p[0] - a[0] - t * dx).hypot(p[1] - a[1] - t * dy)
-}
-
 #[test]
 fn a_crawling_machine_is_warned_about() {
     let machine = machine("drag-knife-a3", "");
@@ -931,12 +751,7 @@ fn a_z_axis_is_raised_by_the_abort() {
         let at = 6.0 + dice.share() * 14.0;
         let dir = tempfile::tempdir().unwrap();
         let journal = dir.path().join("job.journal");
-        let hands = vec![(at, Wish::Abort)];
-        let out = send(&board, &program, Run { machine: &machine, wishes: HOME, journal: Some(&journal), hands });
-        let Err(SendError::Fault { fault: Fault::Interrupted, aborted }) = out.result else {
-            panic!("{:?}", out.result)
-        };
-        assert_eq!(aborted, fabricate::machine::protocol::Aborted { tool_off: true, position_kept: true });
+        interrupted(&board, &program, &machine, &journal, at);
         let now = board.borrow().now();
         board.borrow_mut().advance(now + 2.0);
         let height = board.borrow().pos[2] - board.borrow().work_zero()[2];

@@ -8,37 +8,36 @@ use fabricate::{
         job::{self, Wishes},
         marlin::Marlin,
         plain,
-        protocol::{Event, Fault, Line, Protocol},
-        session::{Operator, SendError, Session, Wish},
+        protocol::{Fault, Line, Protocol},
+        session::{SendError, Session, Wish},
     },
     profile::{Flow, Machine},
 };
 
 use crate::{
-    board::{Device, Dice, SimWire, cutter::Cutter, marlin::MarlinBoard},
-    machine::{expected, machine, polygons, same},
+    board::{
+        Device, Dice, SimWire,
+        cutter::Cutter,
+        hand::{Hand, drive},
+        marlin::MarlinBoard,
+    },
+    strokes::{expected, machine, polygons, same},
 };
 
-/// Aborts when the board has come to a time.
-struct Stop<D: Device> {
-    board: Rc<RefCell<D>>,
-    at: f64,
-}
-
-impl<D: Device> Operator for Stop<D> {
-    fn wish(&mut self) -> Option<Wish> {
-        let due = self.board.borrow().now() >= self.at;
-        due.then(|| {
-            self.at = f64::INFINITY;
-            Wish::Abort
-        })
-    }
-    fn event(&mut self, _: &Event) {}
-    fn progress(&mut self, _: f64) {}
-    fn paused(&mut self, _: &str) {}
-}
-
 type Sent = (Result<(), SendError>, Vec<String>);
+
+/// Sends a program, with a wish to abort when the board has come to a time.
+fn send<D: Device, P: Protocol>(
+    board: &Rc<RefCell<D>>,
+    protocol: P,
+    stop: f64,
+    job: impl FnOnce(&mut Session<'_, SimWire<D>, P>, &mut dyn FnMut(&str)) -> Result<(), SendError>,
+) -> Sent {
+    let mut hand = Hand::new(board);
+    hand.wishes = [(stop, Wish::Abort)].into();
+    let out = drive(board, hand, protocol, job);
+    (out.result, out.told)
+}
 
 fn to_marlin(
     board: &Rc<RefCell<MarlinBoard>>,
@@ -48,16 +47,11 @@ fn to_marlin(
     journal: Option<&Path>,
     stop: f64,
 ) -> Sent {
-    let mut operator = Stop { board: board.clone(), at: stop };
-    let mut told = Vec::new();
-    let protocol = Marlin::new(plain::marlin_options(machine));
-    let mut session = Session::new(SimWire::new(board), protocol, &mut operator, None);
     let program = job::read(text.to_owned(), machine).unwrap();
-    let result = session
-        .prepare(wishes)
-        .and_then(|()| session.perform_plain(&program, machine, wishes, journal, &mut |it| told.push(it.to_owned())));
-    drop(session);
-    (result, told)
+    send(board, Marlin::new(plain::marlin_options(machine)), stop, |session, tell| {
+        session.prepare(wishes)?;
+        session.perform_plain(&program, machine, wishes, journal, tell)
+    })
 }
 
 fn to_cutter(
@@ -68,16 +62,11 @@ fn to_cutter(
     journal: Option<&Path>,
     stop: f64,
 ) -> Sent {
-    let mut operator = Stop { board: board.clone(), at: stop };
-    let mut told = Vec::new();
-    let protocol = Hpgl::new(plain::hpgl_options(machine));
-    let mut session = Session::new(SimWire::new(board), protocol, &mut operator, None);
     let program = plain::read_plot(text, machine).unwrap();
-    let result = session
-        .prepare(wishes)
-        .and_then(|()| session.perform_plain(&program, machine, wishes, journal, &mut |it| told.push(it.to_owned())));
-    drop(session);
-    (result, told)
+    send(board, Hpgl::new(plain::hpgl_options(machine)), stop, |session, tell| {
+        session.prepare(wishes)?;
+        session.perform_plain(&program, machine, wishes, journal, tell)
+    })
 }
 
 const PLAIN: Wishes = Wishes { unlock: false, home: false, zero: false, check: false, frame: false, resume: false };

@@ -11,7 +11,8 @@ use crate::{
         grbl::{Config, GrblBoard},
         pty::PtyBoard,
     },
-    machine::{HOME_ZERO, KNIFE, expected, machine, polygons, same, touched},
+    machine::HOME_ZERO,
+    strokes::{KNIFE, expected, machine, polygons, same, touched},
 };
 
 /// Board seconds in one second of the clock.

@@ -2,7 +2,7 @@
 //! It has its own reading of G-code and its own motion, so that it can disagree with the sender.
 use std::collections::{BTreeMap, VecDeque};
 
-use super::{BYTE_RATE, Device, STEP};
+use super::{Device, STEP, Voice};
 
 pub(crate) type P3 = [f64; 3];
 
@@ -187,9 +187,7 @@ pub(crate) struct GrblBoard {
     hold: bool,
     feed_override: u32,
     reports: u32,
-    out: VecDeque<(f64, u8)>,
-    out_free: f64,
-    ready: Vec<u8>,
+    voice: Voice,
     hal_error: bool,
     // Books.
     pub(crate) received: usize,
@@ -237,9 +235,7 @@ impl GrblBoard {
             hold: false,
             feed_override: 100,
             reports: 0,
-            out: VecDeque::new(),
-            out_free: 0.0,
-            ready: Vec::new(),
+            voice: Voice::default(),
             hal_error: false,
             received: 0,
             oks: 0,
@@ -297,10 +293,7 @@ impl GrblBoard {
         if self.muted() {
             return;
         }
-        for byte in text.bytes() {
-            self.out_free = self.out_free.max(self.t) + 1.0 / BYTE_RATE;
-            self.out.push_back((self.out_free + self.config.faults.latency, byte));
-        }
+        self.voice.say(self.t, text, self.config.faults.latency);
     }
 
     fn ok(&mut self) {
@@ -382,7 +375,7 @@ impl GrblBoard {
         self.wait = None;
         self.modal = Modal::new();
         self.g92 = [0.0; 3];
-        self.out.clear();
+        self.voice.silence();
         self.base = self.pos;
         self.planned = [0.0; 3];
         self.state = St::Booting(self.t + self.config.boot);
@@ -1016,10 +1009,7 @@ impl Device for GrblBoard {
                 }
             }
             self.sense();
-            while self.out.front().is_some_and(|it| it.0 <= self.t) {
-                let (_, byte) = self.out.pop_front().unwrap();
-                self.ready.push(byte);
-            }
+            self.voice.advance(self.t);
         }
     }
 
@@ -1028,7 +1018,7 @@ impl Device for GrblBoard {
     }
 
     fn output(&mut self) -> Vec<u8> {
-        std::mem::take(&mut self.ready)
+        self.voice.output()
     }
 
     fn plugged(&self) -> bool {

@@ -1,7 +1,7 @@
 //! A Marlin board with a servo pen: numbered lines with checksums, a planner of sixteen blocks, `busy` while it waits.
 use std::collections::VecDeque;
 
-use super::{BYTE_RATE, Device, STEP};
+use super::{Device, STEP, Voice};
 
 /// Faults to switch on.
 #[derive(Clone, Debug, Default)]
@@ -45,9 +45,7 @@ pub(crate) struct MarlinBoard {
     planned: [f64; 2],
     feed: f64,
     rapid: f64,
-    out: VecDeque<(f64, u8)>,
-    free: f64,
-    ready: Vec<u8>,
+    voice: Voice,
     // Books.
     pub(crate) received: usize,
     pub(crate) oks: usize,
@@ -78,9 +76,7 @@ impl MarlinBoard {
             planned: [0.0; 2],
             feed: 1000.0,
             rapid: 6000.0,
-            out: VecDeque::new(),
-            free: 0.0,
-            ready: Vec::new(),
+            voice: Voice::default(),
             received: 0,
             oks: 0,
             resends: 0,
@@ -96,10 +92,7 @@ impl MarlinBoard {
     }
 
     fn say(&mut self, text: &str) {
-        for byte in text.bytes().chain([b'\n']) {
-            self.free = self.free.max(self.t) + 1.0 / BYTE_RATE;
-            self.out.push_back((self.free, byte));
-        }
+        self.voice.say(self.t, &format!("{text}\n"), 0.0);
     }
 
     fn ok(&mut self) {
@@ -294,10 +287,7 @@ impl Device for MarlinBoard {
             if self.started && !self.dead {
                 self.step();
             }
-            while self.out.front().is_some_and(|it| it.0 <= self.t) {
-                let (_, byte) = self.out.pop_front().unwrap();
-                self.ready.push(byte);
-            }
+            self.voice.advance(self.t);
         }
     }
 
@@ -306,7 +296,7 @@ impl Device for MarlinBoard {
     }
 
     fn output(&mut self) -> Vec<u8> {
-        std::mem::take(&mut self.ready)
+        self.voice.output()
     }
 
     fn plugged(&self) -> bool {

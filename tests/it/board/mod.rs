@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that panics is a test that fails")]
 pub(crate) mod cutter;
 pub(crate) mod grbl;
+pub(crate) mod hand;
 pub(crate) mod marlin;
 pub(crate) mod pty;
 
@@ -32,6 +33,40 @@ pub(crate) const BYTE_RATE: f64 = 11520.0;
 
 /// One step of simulated time, s.
 pub(crate) const STEP: f64 = 0.0005;
+
+/// What a board says: byte by byte, at the pace of the wire.
+#[derive(Default)]
+pub(crate) struct Voice {
+    /// Bytes with the time they arrive at the other end.
+    way: std::collections::VecDeque<(f64, u8)>,
+    free: f64,
+    ready: Vec<u8>,
+}
+
+impl Voice {
+    /// Begins to say something at a time; every byte arrives `latency` seconds after it was sent.
+    pub(crate) fn say(&mut self, now: f64, text: &str, latency: f64) {
+        for byte in text.bytes() {
+            self.free = self.free.max(now) + 1.0 / BYTE_RATE;
+            self.way.push_back((self.free + latency, byte));
+        }
+    }
+
+    /// What was on its way is lost.
+    pub(crate) fn silence(&mut self) {
+        self.way.clear();
+    }
+
+    pub(crate) fn advance(&mut self, now: f64) {
+        while let Some((_, byte)) = self.way.pop_front_if(|it| it.0 <= now) {
+            self.ready.push(byte);
+        }
+    }
+
+    pub(crate) fn output(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.ready)
+    }
+}
 
 /// A wire in simulated time. The sender's clock is the board's.
 pub(crate) struct SimWire<D: Device> {
