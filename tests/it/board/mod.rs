@@ -58,9 +58,8 @@ impl Voice {
     }
 
     pub(crate) fn advance(&mut self, now: f64) {
-        while let Some((_, byte)) = self.way.pop_front_if(|it| it.0 <= now) {
-            self.ready.push(byte);
-        }
+        let due = self.way.partition_point(|it| it.0 <= now);
+        self.ready.extend(self.way.drain(..due).map(|it| it.1));
     }
 
     pub(crate) fn output(&mut self) -> Vec<u8> {
