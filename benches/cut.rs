@@ -16,6 +16,9 @@ use fabricate::{
 };
 use std::{fs, path::Path, sync::LazyLock, time::Instant};
 
+/// Side of the least useful square, mm; smaller pieces count as "small".
+const MIN_PIECE: f64 = 8.0;
+
 /// Diagonal of the scaled meshes, mm.
 const DIAGONAL: f64 = 200.0;
 
@@ -79,7 +82,15 @@ fn scaled(mesh: TriMesh) -> TriMesh {
 fn row(name: &str, mesh: &TriMesh, limit: f64) {
     let energy: Field<VertexId, f64> = Field::filled(mesh.vertex_count(), 0.0);
     let input = DevelopableMesh { mesh: mesh.clone(), energy, max_deviation: 0.0, rounds: vec![], tradeoffs: vec![] };
-    let options = cut::Options { stretch: limit, tolerance: None, clearance: 0.002, least_opening: 1e-3, sheet: None };
+    let options = cut::Options {
+        stretch: limit,
+        tolerance: None,
+        clearance: 0.002,
+        least_opening: 1e-3,
+        new_piece: 0.03,
+        min_area: MIN_PIECE * MIN_PIECE,
+        sheet: None,
+    };
     let start = seconds();
     let monitor = Monitor::silent();
     let result = cut(&input, &options, &monitor).map_err(|it| it.to_string());
@@ -94,8 +105,7 @@ fn row(name: &str, mesh: &TriMesh, limit: f64) {
     };
     let quality = quality(&cut, &flat);
     let seam: f64 = cut.seams.iter().flat_map(|it| &it.sides[0]).map(|&h| cut.mesh.vector(h).norm()).sum();
-    let total: f64 = quality.pieces.iter().map(|it| it.area_3d).sum();
-    let small = quality.pieces.iter().filter(|it| it.area_3d < 0.002 * total).count();
+    let small = quality.pieces.iter().filter(|it| it.area_3d < MIN_PIECE * MIN_PIECE).count();
     let mismatch = seam_lengths(&cut, &flat).iter().map(|it| it.mismatch()).fold(0.0, f64::max);
     println!(
         "{name:20}{:>8}{:>7}{small:>8}{:>10.2}{:>9.5}{:>9.5}{:>9.4}{:>9.5}{:>9.3}{:>6}{:>6}{mismatch:>10.4}{seconds:>8.2}",

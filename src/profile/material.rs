@@ -66,6 +66,8 @@ pub struct Material {
     pub gap: Length,
     /// How far it may be stretched or squeezed, as |log scale| (0.005 = half a percent).
     pub stretch: f64,
+    /// Side of a square: pieces of a smaller area are too small to handle, and made only where nothing else lies flat.
+    pub min_piece: Length,
     /// The kinds of machine that can work it, each with the settings it needs there.
     pub process: BTreeMap<MachineKind, PerOperation<ToolPatch>>,
 }
@@ -78,6 +80,7 @@ impl Rule for Material {
         at_least_zero("margin", self.margin.mm)?;
         at_least_zero("gap", self.gap.mm)?;
         within("stretch", self.stretch, 0.0, 1.0)?;
+        at_least_zero("min_piece", self.min_piece.mm)?;
         let short = self.sheet[0].mm.min(self.sheet[1].mm);
         if 2.0 * self.margin.mm >= short {
             let message = format!("of {} mm on both sides leaves nothing of a sheet {short} mm wide", self.margin.mm);

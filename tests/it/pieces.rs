@@ -11,7 +11,15 @@ use fabricate::{
 };
 
 fn options(stretch: f64) -> cut::Options {
-    cut::Options { stretch, tolerance: None, clearance: 0.002, least_opening: 1e-3, sheet: None }
+    cut::Options {
+        stretch,
+        tolerance: None,
+        clearance: 0.002,
+        least_opening: 1e-3,
+        new_piece: 0.03,
+        min_area: 36.0,
+        sheet: None,
+    }
 }
 
 fn developable(mesh: TriMesh) -> DevelopableMesh {

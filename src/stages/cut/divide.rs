@@ -3,7 +3,6 @@ use super::piece::Piece;
 use crate::{
     mesh::{EdgeId, Field, TriMesh},
     surface::{
-        chart::Metric,
         paths::{EdgeGraph, PathTree},
     },
 };
@@ -12,17 +11,17 @@ use crate::{
 const STARTS: usize = 300;
 
 /// The edges of the best dividing path: between two boundary vertices, through the inside. `new_piece` is what one more
-/// piece is worth in units of weighted length.
+/// piece is worth in units of weighted length, `min_area` the least useful area of one, mm².
 ///
 /// A path from boundary vertex i to j separates the outline edges i … j−1 from the others, so how many conflicting pairs
 /// it separates is counted along the outline. Every path that separates none is worthless; the others are ranked by
 /// pairs over (weighted length + `new_piece`, more for a side without area).
 pub(super) fn dividing_path(
     mesh: &TriMesh,
-    metric: &Metric,
     piece: &Piece,
     weight: &Field<EdgeId, f64>,
     new_piece: f64,
+    min_area: f64,
 ) -> Option<Vec<EdgeId>> {
     let chart = &piece.chart;
     let path = &chart.loops[0];
@@ -43,8 +42,8 @@ pub(super) fn dividing_path(
     for i in 0..n {
         swept[i + 1] = swept[i] + crate::geom::cross2(outline[i], outline[(i + 1) % n]);
     }
-    let total_area: f64 = chart.faces.iter().map(|&f| metric.area[f]).sum();
-    let useful_area = (new_piece * new_piece).min(0.25 * total_area);
+    let total_area = piece.area;
+    let useful_area = (new_piece * new_piece).max(min_area).min(0.25 * total_area);
     let cost = |length: f64, i: usize, j: usize| {
         let chord = crate::geom::cross2(outline[j], outline[i]);
         let area = (0.5 * (swept[j] - swept[i] + chord)).abs();

@@ -1,6 +1,6 @@
 //! Improves a solution by ruin and recreate (Schrimpf et al. 2000): the seams inside a piece or between two pieces are
 //! glued and searched anew with another weight; what is cheaper stays.
-use super::{CutError, search::Search};
+use super::{CutError, piece::Piece, search::Search};
 use crate::{
     mesh::{EdgeId, FaceId},
     numeric::random::Random,
@@ -15,6 +15,19 @@ const TRIALS: usize = 400;
 const ATTRACTIONS: [f64; 4] = [2.0, 0.5, 4.0, 1.0];
 /// Peaks of stretch relieved at a time, in turn.
 const PEAKS: [usize; 3] = [1, 8, 3];
+
+/// Pieces taken out to be cut anew.
+pub(super) struct Lifted {
+    /// Pieces made since have this number or a higher one.
+    pub(super) first: u32,
+    pub(super) pieces: Vec<(u32, Piece)>,
+    /// Their faces, ascending.
+    pub(super) faces: Vec<FaceId>,
+    /// The edges inside them and between them.
+    pub(super) inner: Vec<EdgeId>,
+    /// Those of them that were cut.
+    pub(super) seams: Vec<EdgeId>,
+}
 
 impl Search<'_> {
     /// Goes on until the effort is spent.
@@ -41,42 +54,56 @@ impl Search<'_> {
 
     /// Cuts pieces `p` and `q` (or only one, when they are the same) anew; keeps what is cheaper.
     fn recreate(&mut self, p: u32, q: u32) -> Result<(), CutError> {
+        let lifted = self.lift(if p == q { vec![p] } else { vec![p, q] });
+        cut_to_disks(self.mesh, &lifted.faces, &self.weight, &self.curvature, &[], &mut self.cut, self.monitor)?;
+        self.settle(&lifted.faces)?;
+        self.join(lifted.first)?;
+        let made = || self.pieces[lifted.first as usize..].iter().flatten();
+        let found: Vec<EdgeId> = lifted.inner.iter().copied().filter(|&e| self.cut[e]).collect();
+        let before = self.length(&lifted.seams) + self.price(lifted.pieces.iter().map(|it| &it.1));
+        let after = self.length(&found) + self.price(made());
+        let none_worse = made().all(Piece::is_good) || lifted.pieces.iter().any(|it| !it.1.is_good());
+        if !(none_worse && after < (1.0 - 1e-9) * before) {
+            self.put_back(lifted);
+        }
+        Ok(())
+    }
+
+    /// Takes pieces out and glues all seams inside them and between them.
+    pub(super) fn lift(&mut self, ids: Vec<u32>) -> Lifted {
         let first = self.pieces.len() as u32;
-        let mut old = Vec::new();
-        for id in if p == q { vec![p] } else { vec![p, q] } {
-            old.push((id, self.pieces[id as usize].take().expect("every face lies in a piece that lives")));
-        }
-        let mut faces: Vec<FaceId> = old.iter().flat_map(|it| it.1.chart.faces.iter().copied()).collect();
+        let take = |id: u32| (id, self.pieces[id as usize].take().expect("every face lies in a piece that lives"));
+        let pieces: Vec<(u32, Piece)> = ids.into_iter().map(take).collect();
+        let mut faces: Vec<FaceId> = pieces.iter().flat_map(|it| it.1.chart.faces.iter().copied()).collect();
         faces.sort_unstable();
-        let inner: Vec<EdgeId> = self.inner_edges(&faces);
+        let inner = self.inner_edges(&faces);
         let seams: Vec<EdgeId> = inner.iter().copied().filter(|&e| self.cut[e]).collect();
-        let cost = self.length(&seams) + self.new_piece * old.len() as f64;
         for &e in &seams {
             self.cut[e] = false;
         }
-        cut_to_disks(self.mesh, &faces, &self.weight, &self.curvature, &[], &mut self.cut, self.monitor)?;
-        self.settle(&faces)?;
-        self.join(first)?;
-        let found: Vec<EdgeId> = inner.iter().copied().filter(|&e| self.cut[e]).collect();
-        let made = || self.pieces[first as usize..].iter().flatten();
-        let better = self.length(&found) + self.new_piece * made().count() as f64;
-        if better < (1.0 - 1e-9) * cost && (made().all(|it| it.is_good()) || old.iter().any(|it| !it.1.is_good())) {
-            return Ok(());
-        }
-        for &e in &inner {
-            self.cut[e] = false;
-        }
-        for &e in &seams {
-            self.cut[e] = true;
-        }
-        self.pieces.truncate(first as usize);
-        for (id, piece) in old {
+        Lifted { first, pieces, faces, inner, seams }
+    }
+
+    /// Puts pieces back as they were, in place of what was made since.
+    pub(super) fn put_back(&mut self, lifted: Lifted) {
+        self.set_cut(&lifted.inner, &lifted.seams);
+        self.pieces[lifted.first as usize..].fill_with(|| None);
+        for (id, piece) in lifted.pieces {
             for &f in &piece.chart.faces {
                 self.piece_of[f] = id;
             }
             self.pieces[id as usize] = Some(piece);
         }
-        Ok(())
+    }
+
+    /// Of the edges `inner` cuts just `seams`.
+    pub(super) fn set_cut(&mut self, inner: &[EdgeId], seams: &[EdgeId]) {
+        for &e in inner {
+            self.cut[e] = false;
+        }
+        for &e in seams {
+            self.cut[e] = true;
+        }
     }
 
     /// Edges with a face of `faces` (ascending) on both sides.

@@ -1,5 +1,5 @@
 //! Glues seams again where the pieces stay within the limit and flat.
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 
 use super::{CutError, search::Search};
 use crate::{mesh::EdgeId, surface::cut_graph::arcs};
@@ -10,11 +10,25 @@ const PASSES: usize = 6;
 /// are thousands of seams to try, and hardly one can be glued.
 const EFFORT: usize = 100;
 
+/// A failure counts for pieces up to so many times the area: a larger piece may swallow what the share of the area that
+/// may exceed the limit did not allow a smaller one.
+const GROWTH: f64 = 2.0;
+
+/// Runs that could not be glued, with the pieces beside them then and the area of both. Gluing other seams of these pieces
+/// only adds constraints, so what failed once fails for all that they are glued into.
+#[derive(Debug, Default)]
+pub(super) struct Failures(BTreeMap<(EdgeId, EdgeId, usize), Vec<([u32; 2], f64)>>);
+
+impl Failures {
+    fn key(run: &[EdgeId]) -> (EdgeId, EdgeId, usize) {
+        let (a, b) = (run[0], run[run.len() - 1]);
+        (a.min(b), a.max(b), run.len())
+    }
+}
+
 impl Search<'_> {
     /// Tries to glue every arc of the cut between pieces from `first` on, longest first, whole or in parts.
     pub(super) fn join(&mut self, first: u32) -> Result<(), CutError> {
-        // Runs that could not be glued while the pieces beside them were these.
-        let mut failed: BTreeSet<(u32, u32, EdgeId, EdgeId, usize)> = BTreeSet::new();
         let limit = self.judged + EFFORT * self.mesh.face_count();
         for _ in 0..PASSES {
             let mut runs: Vec<Vec<EdgeId>> =
@@ -26,16 +40,8 @@ impl Search<'_> {
                 if self.judged > limit {
                     return Ok(());
                 }
-                let [p, q] = self.sides(run[0]);
-                let key = (p, q, run[0], run[run.len() - 1], run.len());
-                if p.min(q) < first || failed.contains(&key) {
-                    continue;
-                }
-                if self.try_glue(&run)? {
-                    glued = true;
-                } else {
-                    failed.insert(key);
-                }
+                let [p, _] = self.sides(run[0]);
+                glued |= p >= first && self.try_glue(&run)?;
             }
             if !glued {
                 break;
@@ -78,6 +84,23 @@ impl Search<'_> {
         [p.min(q), p.max(q)]
     }
 
+    /// The piece that `id` has become part of.
+    fn living(&self, mut id: u32) -> u32 {
+        while self.glued_into[id as usize] != id {
+            id = self.glued_into[id as usize];
+        }
+        id
+    }
+
+    /// Whether gluing `run` failed before for parts of `pieces`, which have `area` together.
+    fn has_failed(&self, run: &[EdgeId], [p, q]: [u32; 2], area: f64) -> bool {
+        let before = self.failures.0.get(&Failures::key(run)).into_iter().flatten();
+        before.into_iter().any(|&([a, b], then)| {
+            let (a, b) = (self.living(a), self.living(b));
+            area < GROWTH * then && [p, q] == [a.min(b), a.max(b)]
+        })
+    }
+
     fn try_glue(&mut self, run: &[EdgeId]) -> Result<bool, CutError> {
         if run.iter().any(|&e| !self.cut[e] || self.mesh.is_boundary_edge(e)) {
             return Ok(false);
@@ -85,8 +108,13 @@ impl Search<'_> {
         let [p, q] = self.sides(run[0]);
         let live = |id: u32| self.pieces[id as usize].as_ref().expect("every face lies in a piece that lives");
         let mut faces = live(p).chart.faces.clone();
+        let mut area = live(p).area;
         if p != q {
             faces.extend(&live(q).chart.faces);
+            area += live(q).area;
+        }
+        if self.has_failed(run, [p, q], area) {
+            return Ok(false);
         }
         let closed = p == q && {
             let slits = live(p).closed_slits(self.mesh, self.options.clearance);
@@ -99,11 +127,14 @@ impl Search<'_> {
         if chart.is_disk() || (closed && chart.is_planar()) {
             let piece = self.judge(chart.faces)?;
             if piece.is_good() {
-                self.remove(p);
-                self.remove(q);
+                for id in [p, q] {
+                    self.pieces[id as usize] = None;
+                    self.glued_into[id as usize] = self.pieces.len() as u32;
+                }
                 self.insert(piece);
                 return Ok(true);
             }
+            self.failures.0.entry(Failures::key(run)).or_default().push(([p, q], area));
         }
         for &e in run {
             self.cut[e] = true;

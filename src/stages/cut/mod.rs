@@ -12,6 +12,7 @@ mod piece;
 mod relieve;
 mod search;
 mod sheet;
+mod small;
 pub mod stage;
 
 use crate::{
@@ -33,6 +34,10 @@ pub struct Options {
     pub clearance: f64,
     /// Least angle by which a slit must open at its end, radians.
     pub least_opening: f64,
+    /// What one more piece is worth, as a length of seam over the bounding-box diagonal.
+    pub new_piece: f64,
+    /// Area under which a piece is of no use, mm².
+    pub min_area: f64,
     /// Width and height that a flat piece must fit into in some rotation, mm; `None`: any size.
     pub sheet: Option<[f64; 2]>,
 }

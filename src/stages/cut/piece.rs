@@ -20,6 +20,8 @@ const POLISHABLE: f64 = 3.0;
 pub(super) struct Piece {
     /// What it is made of.
     pub(super) chart: Chart,
+    /// Its area in space, mm².
+    pub(super) area: f64,
     /// Log factor u of the conformal map per local vertex.
     pub(super) log_factor: Vec<f64>,
     /// Area of the faces around each local vertex that exceed the limit although polished; empty where it was not tried or
@@ -47,7 +49,8 @@ impl Piece {
         let log_factor = flattener.log_factor().to_vec();
         let near = share_above(metric, &chart, &log_factor, POLISHABLE * options.stretch) <= limit.allowed;
         let disk = if near && chart.is_disk() { Some(flattener.flatten()?) } else { None };
-        let mut out = Self { chart, log_factor, excess: Vec::new(), contours: Vec::new(), conflicts: Vec::new() };
+        let area = chart.faces.iter().map(|&f| metric.area[f]).sum();
+        let mut out = Self { chart, area, log_factor, excess: Vec::new(), contours: Vec::new(), conflicts: Vec::new() };
         let chart = &out.chart;
         if !near {
             return Ok(out);

@@ -1,5 +1,5 @@
 //! The search for cuts: what is cut so far, the pieces that makes, and how they get better.
-use super::{CutError, Options, divide::dividing_path, piece::Piece, relieve::relieving_cuts};
+use super::{CutError, Options, divide::dividing_path, join::Failures, piece::Piece, relieve::relieving_cuts};
 use crate::{
     mesh::{EdgeId, FaceId, Field, TriMesh, VertexId, operators::angle_defects},
     numeric::Monitor,
@@ -19,8 +19,8 @@ const CERTAIN: f64 = 3.0;
 const ATTRACTION: f64 = 2.0;
 /// Peaks relieved at a time in the first solution, and one more for every thousand vertices.
 const PEAKS: usize = 8;
-/// What one more piece is worth, as a share of the bounding-box diagonal.
-const NEW_PIECE: f64 = 0.03;
+/// A piece under the useful size costs as much as so many more pieces.
+const SMALL_PIECE: f64 = 4.0;
 
 /// State of the search.
 pub(super) struct Search<'a> {
@@ -39,7 +39,11 @@ pub(super) struct Search<'a> {
     pub(super) options: &'a Options,
     pub(super) monitor: &'a Monitor<'a>,
     pub(super) cut: Field<EdgeId, bool>,
+    /// Pieces by number; a number is never given twice, and what no longer lives is `None`.
     pub(super) pieces: Vec<Option<Piece>>,
+    /// The piece that each piece was glued into; itself while it lives.
+    pub(super) glued_into: Vec<u32>,
+    pub(super) failures: Failures,
     pub(super) piece_of: Field<FaceId, u32>,
 }
 
@@ -73,7 +77,7 @@ pub(super) fn search(
         curvature,
         weight,
         peaks: PEAKS,
-        new_piece: NEW_PIECE * mesh.bounds().diagonal(),
+        new_piece: options.new_piece * mesh.bounds().diagonal(),
         judged: 0,
         must_cut,
         builder: ChartBuilder::new(mesh),
@@ -81,6 +85,8 @@ pub(super) fn search(
         monitor,
         cut,
         pieces: Vec::new(),
+        glued_into: Vec::new(),
+        failures: Failures::default(),
         piece_of: Field::filled(mesh.face_count(), u32::MAX),
     };
     monitor.progress(0.1, "cutting to where it stretches most");
@@ -89,6 +95,7 @@ pub(super) fn search(
     search.join(0)?;
     search.improve()?;
     search.join(0)?;
+    search.enlarge()?;
     Ok(Found { cut: search.cut, terminals: terminals.len() })
 }
 
@@ -141,7 +148,8 @@ impl Search<'_> {
             } else if piece.contours.is_empty() {
                 relieving_cuts(self.mesh, &piece, &self.weight, self.peaks)
             } else {
-                dividing_path(self.mesh, &self.metric, &piece, &self.weight, self.new_piece).unwrap_or_default()
+                dividing_path(self.mesh, &piece, &self.weight, self.new_piece, self.options.min_area)
+                    .unwrap_or_default()
             };
             for &e in &edges {
                 self.cut[e] = true;
@@ -190,9 +198,16 @@ impl Search<'_> {
             self.piece_of[f] = id;
         }
         self.pieces.push(Some(piece));
+        self.glued_into.push(id);
     }
 
-    pub(super) fn remove(&mut self, piece: u32) {
-        self.pieces[piece as usize] = None;
+    /// Whether a piece is under the useful size.
+    pub(super) fn is_small(&self, piece: &Piece) -> bool {
+        piece.area < self.options.min_area
+    }
+
+    /// What pieces are worth beside the length of their seams, mm.
+    pub(super) fn price<'p>(&self, pieces: impl Iterator<Item = &'p Piece>) -> f64 {
+        self.new_piece * pieces.map(|it| if self.is_small(it) { 1.0 + SMALL_PIECE } else { 1.0 }).sum::<f64>()
     }
 }

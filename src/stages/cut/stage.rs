@@ -19,6 +19,11 @@ pub struct CutStage {
     pub tolerance: Option<f64>,
     /// Least distance between parts of one outline.
     pub clearance: Length,
+    /// Whether fewer pieces or shorter seams count for more.
+    pub style: Style,
+    /// Side of a square: pieces of a smaller area are made only where nothing else keeps the limit; the material's when
+    /// absent.
+    pub min_piece: Option<Length>,
     /// More pieces than this are a failed check.
     pub max_pieces: Option<usize>,
     /// Whether pieces that fit on no sheet are divided.
@@ -27,7 +32,38 @@ pub struct CutStage {
 
 impl Default for CutStage {
     fn default() -> Self {
-        Self { stretch: None, tolerance: None, clearance: Length::mm(0.002), max_pieces: None, fit_sheet: true }
+        Self {
+            stretch: None,
+            tolerance: None,
+            clearance: Length::mm(0.002),
+            style: Style::Few,
+            min_piece: None,
+            max_pieces: None,
+            fit_sheet: true,
+        }
+    }
+}
+
+/// What a solution is chosen for, as it is written in the config.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Style {
+    /// One piece where that is possible, however long the seams.
+    OnePiece,
+    /// Few pieces with short seams.
+    Few,
+    /// The shortest seams, in however many pieces.
+    Shortest,
+}
+
+impl Style {
+    /// What one more piece is worth, as a length of seam over the diagonal.
+    fn new_piece(self) -> f64 {
+        match self {
+            Self::OnePiece => 0.5,
+            Self::Few => 0.03,
+            Self::Shortest => 0.005,
+        }
     }
 }
 
@@ -42,13 +78,15 @@ const FITTING: f64 = 0.98;
 pub struct Stock {
     /// The stretch that the material takes, as |log scale|.
     stretch: f64,
+    /// Side of the least useful square, mm.
+    min_piece: f64,
     /// Sides of the free area of a sheet, shorter one first, mm.
     free: [f64; 2],
 }
 
 impl Stage for CutStage {
     const NAME: &'static str = "cut";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     type Input = DevelopableMesh;
     type Output = CutMesh;
     type Profile = Stock;
@@ -60,7 +98,7 @@ impl Stage for CutStage {
         let sorted = |[a, b]: [Length; 2]| [a.mm.min(b.mm), a.mm.max(b.mm)];
         let (sheet, bed) = (sorted(material.sheet), sorted(machine.bed));
         let free = |k: usize| FITTING * (sheet[k].min(bed[k]) - 2.0 * material.margin.mm);
-        Stock { stretch: material.stretch, free: [free(0), free(1)] }
+        Stock { stretch: material.stretch, min_piece: material.min_piece.mm, free: [free(0), free(1)] }
     }
 
     fn check(&self) -> Result<(), KeyError> {
@@ -73,6 +111,9 @@ impl Stage for CutStage {
         if let Some(pieces) = self.max_pieces {
             KeyError::range("max_pieces", pieces as f64, 1.0, 1e9)?;
         }
+        if let Some(side) = self.min_piece {
+            KeyError::range("min_piece", side.mm, 0.0, 1e4)?;
+        }
         KeyError::range("clearance", self.clearance.mm, 1e-6, 10.0)
     }
 
@@ -82,6 +123,8 @@ impl Stage for CutStage {
             tolerance: self.tolerance,
             clearance: self.clearance.mm,
             least_opening: LEAST_OPENING,
+            new_piece: self.style.new_piece(),
+            min_area: self.min_piece.map_or(stock.min_piece, |it| it.mm).powi(2),
             sheet: self.fit_sheet.then_some(stock.free),
         };
         cut(input, &options, &cx.monitor)
