@@ -14,16 +14,20 @@ const EFFORT: usize = 100;
 /// may exceed the limit did not allow a smaller one.
 const GROWTH: f64 = 2.0;
 
-/// Runs that could not be glued, with the pieces beside them then and the area of both. Gluing other seams of these pieces
-/// only adds constraints, so what failed once fails for all that they are glued into.
+/// Runs that could not be glued, by their least edge.
 #[derive(Debug, Default)]
-pub(super) struct Failures(BTreeMap<(EdgeId, EdgeId, usize), Vec<([u32; 2], f64)>>);
+pub(super) struct Failures(BTreeMap<EdgeId, Vec<Failure>>);
 
-impl Failures {
-    fn key(run: &[EdgeId]) -> (EdgeId, EdgeId, usize) {
-        let (a, b) = (run[0], run[run.len() - 1]);
-        (a.min(b), a.max(b), run.len())
-    }
+/// A run that could not be glued. Gluing more of it or other seams of the same pieces only adds constraints, so a longer
+/// run fails too, and so it does for all that the pieces are glued into.
+#[derive(Debug)]
+struct Failure {
+    /// The edges, ascending.
+    run: Vec<EdgeId>,
+    /// The pieces beside it.
+    pieces: [u32; 2],
+    /// The area of both, mm².
+    area: f64,
 }
 
 impl Search<'_> {
@@ -92,12 +96,14 @@ impl Search<'_> {
         id
     }
 
-    /// Whether gluing `run` failed before for parts of `pieces`, which have `area` together.
+    /// Whether gluing a part of `run` (ascending) failed before for parts of `pieces`, which have `area` together.
     fn has_failed(&self, run: &[EdgeId], [p, q]: [u32; 2], area: f64) -> bool {
-        let before = self.failures.0.get(&Failures::key(run)).into_iter().flatten();
-        before.into_iter().any(|&([a, b], then)| {
-            let (a, b) = (self.living(a), self.living(b));
-            area < GROWTH * then && [p, q] == [a.min(b), a.max(b)]
+        let before = run.iter().filter_map(|e| self.failures.0.get(e)).flatten();
+        before.into_iter().any(|it| {
+            let [a, b] = it.pieces.map(|id| self.living(id));
+            area < GROWTH * it.area
+                && [p, q] == [a.min(b), a.max(b)]
+                && it.run.iter().all(|e| run.binary_search(e).is_ok())
         })
     }
 
@@ -113,7 +119,9 @@ impl Search<'_> {
             faces.extend(&live(q).chart.faces);
             area += live(q).area;
         }
-        if self.has_failed(run, [p, q], area) {
+        let mut sorted = run.to_vec();
+        sorted.sort_unstable();
+        if self.has_failed(&sorted, [p, q], area) {
             return Ok(false);
         }
         let closed = p == q && {
@@ -134,7 +142,8 @@ impl Search<'_> {
                 self.insert(piece);
                 return Ok(true);
             }
-            self.failures.0.entry(Failures::key(run)).or_default().push(([p, q], area));
+            let failure = Failure { run: sorted, pieces: [p, q], area };
+            self.failures.0.entry(failure.run[0]).or_default().push(failure);
         }
         for &e in run {
             self.cut[e] = true;
