@@ -16,14 +16,14 @@ use crate::{
 };
 
 /// Exponents of ψ of the Newton steps (more steps change little: what is near isometric is nearly quadratic), each with
-/// the share of the area beyond the limit after it with which a layout is given up as hopeless: of 424 that got there on
-/// two developed meshes (`cargo bench --bench cut -- bunny_E2.obj spot_E0fix.obj 0.005 0.002`) none had more after the
-/// first step, two more after the second, three after the third and fourth.
-const SCHEDULE: [(i32, f64); 5] = [(2, 0.065), (4, 0.016), (4, 0.02), (8, 0.005), (8, 0.0)];
+/// the area beyond the limit after it, in units of the allowed one, with which a layout is given up as hopeless: of 424
+/// that got there on two developed meshes (`cargo bench --bench cut -- bunny_E2.obj spot_E0fix.obj 0.005 0.002`) none had
+/// more after the first step, two more after the second, three after the third and fourth.
+const SCHEDULE: [(i32, f64); 5] = [(2, 65.0), (4, 16.0), (4, 20.0), (8, 5.0), (8, 0.0)];
 /// Share of the x² term beside the higher powers: keeps what is well within the limit from floating.
 const FLOOR: f64 = 0.1;
-/// Layouts of which a larger share of the area exceeds the limit are not polished at all.
-const TOO_FAR: f64 = 0.25;
+/// Layouts of which more of the area exceeds the limit, in units of the allowed one, are not polished at all.
+const TOO_FAR: f64 = 250.0;
 /// Boundary edges may change by this share of the stretch, …
 const BOUNDARY_SHARE: f64 = 0.2;
 /// … but not by more than this: two sides of a seam then differ by less than 0.2 %.
@@ -133,7 +133,7 @@ impl<'a> Isometry<'a> {
     /// Changes `uv` until at most a share `allowed` of the area exceeds the limit `stretch`, or as far as it goes.
     pub fn polish(&self, uv: &mut Vec<Vec2>, stretch: f64, allowed: f64) -> Excess {
         let mut excess = self.excess(uv, stretch);
-        if excess.is_within(allowed) || excess.flipped > 0 || excess.share > TOO_FAR {
+        if excess.is_within(allowed) || excess.flipped > 0 || excess.share > TOO_FAR * allowed {
             return excess;
         }
         let Some(mut newton) = Newton::new(self, uv, stretch) else { return excess };
@@ -143,7 +143,7 @@ impl<'a> Isometry<'a> {
                 continue;
             }
             excess = self.excess(uv, stretch);
-            if excess.is_within(allowed) || excess.share > hopeless {
+            if excess.is_within(allowed) || excess.share > hopeless * allowed {
                 break;
             }
         }

@@ -1,8 +1,11 @@
 //! Glues seams again where the pieces stay within the limit and flat.
 use std::collections::BTreeMap;
 
-use super::{CutError, search::Search};
-use crate::{mesh::EdgeId, surface::cut_graph::arcs};
+use super::{CutError, piece::Piece, search::Search};
+use crate::{
+    mesh::{EdgeId, FaceId, HalfedgeId},
+    surface::{cut_graph::arcs, flatten::Limit},
+};
 
 /// Passes over all seams at most; a pass ends the search when nothing was glued.
 const PASSES: usize = 6;
@@ -29,6 +32,11 @@ struct Failure {
     /// The area of both, mm².
     area: f64,
 }
+
+/// Unions of fewer faces are judged whole at once.
+const LEAST_WITH_VICINITY: usize = 100;
+/// The vicinity of a run is this part of all faces.
+const VICINITY: usize = 4;
 
 impl Search<'_> {
     /// Tries to glue every arc of the cut between pieces from `first` on, longest first, whole or in parts.
@@ -133,6 +141,9 @@ impl Search<'_> {
         }
         let chart = self.builder.chart(faces, &|e| self.cut[e]);
         if chart.is_disk() || (closed && chart.is_planar()) {
+            if !self.vicinity_lies_flat(run, &chart.faces, area)? {
+                return self.give_up(sorted, [p, q], area);
+            }
             let piece = self.judge(chart.faces)?;
             if piece.is_good() {
                 for id in [p, q] {
@@ -142,12 +153,68 @@ impl Search<'_> {
                 self.insert(piece);
                 return Ok(true);
             }
-            let failure = Failure { run: sorted, pieces: [p, q], area };
-            self.failures.0.entry(failure.run[0]).or_default().push(failure);
+            return self.give_up(sorted, [p, q], area);
         }
         for &e in run {
             self.cut[e] = true;
         }
         Ok(false)
+    }
+
+    /// Cuts `run` (ascending) again and remembers that it failed.
+    fn give_up(&mut self, run: Vec<EdgeId>, pieces: [u32; 2], area: f64) -> Result<bool, CutError> {
+        for &e in &run {
+            self.cut[e] = true;
+        }
+        self.failures.0.entry(run[0]).or_default().push(Failure { run, pieces, area });
+        Ok(false)
+    }
+
+    /// Whether the faces around `run`, cut out of `faces` (ascending, of `area` together), lie flat: they must if all do,
+    /// and are judged at a fraction of the cost. True also where they are no disk.
+    fn vicinity_lies_flat(&mut self, run: &[EdgeId], faces: &[FaceId], area: f64) -> Result<bool, CutError> {
+        if faces.len() < LEAST_WITH_VICINITY {
+            return Ok(true);
+        }
+        let mesh = self.mesh;
+        let mut reached = vec![false; faces.len()];
+        let mut near: Vec<FaceId> = Vec::new();
+        let mut reach = |h: HalfedgeId, near: &mut Vec<FaceId>| {
+            if let Ok(k) = faces.binary_search(&mesh.face(h))
+                && !std::mem::replace(&mut reached[k], true)
+            {
+                near.push(faces[k]);
+            }
+        };
+        for &e in run {
+            let h = mesh.halfedge(e);
+            reach(h, &mut near);
+            mesh.twin(h).into_iter().for_each(|twin| reach(twin, &mut near));
+        }
+        let mut done = 0;
+        while done < near.len() && near.len() < faces.len() / VICINITY {
+            for h in mesh.face_halfedges(near[done]) {
+                let across = mesh.twin(h).filter(|_| !self.cut[mesh.edge(h)]);
+                across.into_iter().for_each(|twin| reach(twin, &mut near));
+            }
+            done += 1;
+        }
+        near.sort_unstable();
+        let Self { builder, metric, cut, options, .. } = self;
+        let inside = |h| near.binary_search(&mesh.face(h)).is_ok();
+        let opened = |e: EdgeId| {
+            let h = mesh.halfedge(e);
+            cut[e] || !inside(h) || mesh.twin(h).is_some_and(|twin| !inside(twin))
+        };
+        let chart = builder.chart(near.clone(), &opened);
+        if !chart.is_disk() {
+            return Ok(true);
+        }
+        self.judged += near.len();
+        let share: f64 = near.iter().map(|&f| metric.area[f]).sum::<f64>() / area;
+        let limit = Limit::new(options.stretch);
+        let limit = Limit { allowed: limit.allowed / share, ..limit };
+        let piece = Piece::new(builder, metric, chart, &opened, options, limit)?;
+        Ok(!piece.contours.is_empty())
     }
 }

@@ -36,15 +36,16 @@ pub(super) struct Piece {
 }
 
 impl Piece {
-    /// Judges a connected chart with at least one loop, as far as needed: the log factor first, then the polished layout.
+    /// Judges a connected chart with at least one loop by `limit`, as far as needed: the log factor first, then the
+    /// polished layout.
     pub(super) fn new(
         builder: &mut ChartBuilder,
         metric: &Metric,
         chart: Chart,
         cut: &impl Fn(EdgeId) -> bool,
         options: &Options,
+        limit: Limit,
     ) -> Result<Self, FlattenError> {
-        let limit = Limit::new(options.stretch);
         let flattener = Flattener::new(metric, &chart)?;
         let log_factor = flattener.log_factor().to_vec();
         let near = share_above(metric, &chart, &log_factor, POLISHABLE * options.stretch) <= limit.allowed;

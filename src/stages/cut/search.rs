@@ -6,6 +6,7 @@ use crate::{
     surface::{
         chart::{ChartBuilder, Metric},
         cut_graph::cut_to_disks,
+        flatten::Limit,
     },
 };
 
@@ -131,7 +132,7 @@ impl Search<'_> {
         self.judged += faces.len();
         let Self { builder, metric, cut, options, .. } = self;
         let chart = builder.chart(faces, &|e| cut[e]);
-        Ok(Piece::new(builder, metric, chart, &|e| cut[e], options)?)
+        Ok(Piece::new(builder, metric, chart, &|e| cut[e], options, Limit::new(options.stretch))?)
     }
 
     /// Cuts `faces` (whole components of the mesh as it is opened now) until every piece is good.
