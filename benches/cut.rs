@@ -88,6 +88,7 @@ fn row(name: &str, mesh: &TriMesh, limit: f64) {
         clearance: 0.002,
         least_opening: 1e-3,
         new_piece: 0.03,
+        halvings: 1,
         min_area: MIN_PIECE * MIN_PIECE,
         sheet: None,
     };

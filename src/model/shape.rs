@@ -129,6 +129,17 @@ pub struct CutMesh {
     pub stretch: f64,
 }
 
+impl CutMesh {
+    /// Names of the pieces with less than `area`, mm², in space.
+    pub fn small_pieces(&self, area: f64) -> Vec<&str> {
+        let mut areas = Field::<PieceId, f64>::filled(self.pieces.len(), 0.0);
+        for f in self.mesh.faces() {
+            areas[self.piece_of[f]] += self.mesh.area(f);
+        }
+        areas.enumerate().filter(|it| *it.1 < area).map(|it| self.pieces[it.0].name.as_str()).collect()
+    }
+}
+
 /// Two faces of one piece whose interiors intersect in the plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Overlap {

@@ -103,7 +103,7 @@ impl Chart {
 }
 
 /// Makes charts of one mesh; keeps the scratch memory between them.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct ChartBuilder<'a> {
     mesh: &'a TriMesh,
     /// Local vertex at the tail of each halfedge of the chart being made, `NONE` elsewhere.

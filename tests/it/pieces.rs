@@ -17,6 +17,7 @@ fn options(stretch: f64) -> cut::Options {
         clearance: 0.002,
         least_opening: 1e-3,
         new_piece: 0.03,
+        halvings: 1,
         min_area: 36.0,
         sheet: None,
     }

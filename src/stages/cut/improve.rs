@@ -7,9 +7,7 @@ use crate::{
     surface::cut_graph::cut_to_disks,
 };
 
-/// The search ends when it has judged so many times the faces of the mesh …
-const EFFORT: usize = 60;
-/// … or after so many trials: pieces of a few faces hardly count.
+/// The search ends after so many trials at the latest: pieces of a few faces hardly count as effort.
 const TRIALS: usize = 400;
 /// How much creases attract seams, in turn.
 const ATTRACTIONS: [f64; 4] = [2.0, 0.5, 4.0, 1.0];
@@ -30,14 +28,13 @@ pub(super) struct Lifted {
 }
 
 impl Search<'_> {
-    /// Goes on until the effort is spent.
-    pub(super) fn improve(&mut self) -> Result<(), CutError> {
+    /// Goes on until `limit` faces have been judged.
+    pub(super) fn improve(&mut self, limit: usize) -> Result<(), CutError> {
         let mut random = Random::new(0);
-        let limit = self.judged + EFFORT * self.mesh.face_count();
         let before = self.judged;
         for trial in 0..TRIALS {
             self.monitor.check()?;
-            let done = (self.judged - before) as f64 / (limit - before) as f64;
+            let done = (self.judged - before) as f64 / limit.saturating_sub(before).max(1) as f64;
             self.monitor.progress(0.5 + 0.5 * done.max(trial as f64 / TRIALS as f64), "shortening seams");
             let seams: Vec<EdgeId> =
                 self.mesh.edges().filter(|&e| self.cut[e] && !self.mesh.is_boundary_edge(e)).collect();

@@ -11,19 +11,19 @@ use crate::{
 const PASSES: usize = 6;
 /// Gluing ends when it has judged so many times the faces of the mesh: where almost every vertex must lie on a seam there
 /// are thousands of seams to try, and hardly one can be glued.
-const EFFORT: usize = 100;
+const EFFORT: usize = 60;
 
 /// A failure counts for pieces up to so many times the area: a larger piece may swallow what the share of the area that
 /// may exceed the limit did not allow a smaller one.
 const GROWTH: f64 = 2.0;
 
 /// Runs that could not be glued, by their least edge.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Failures(BTreeMap<EdgeId, Vec<Failure>>);
 
 /// A run that could not be glued. Gluing more of it or other seams of the same pieces only adds constraints, so a longer
 /// run fails too, and so it does for all that the pieces are glued into.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Failure {
     /// The edges, ascending.
     run: Vec<EdgeId>,
@@ -39,15 +39,16 @@ const LEAST_WITH_VICINITY: usize = 100;
 const VICINITY: usize = 4;
 
 impl Search<'_> {
-    /// Tries to glue every arc of the cut between pieces from `first` on, longest first, whole or in parts.
+    /// Tries to glue every arc of the cut between pieces from `first` on, whole or in parts, those first that save most for
+    /// the effort of judging them.
     pub(super) fn join(&mut self, first: u32) -> Result<(), CutError> {
         let limit = self.judged + EFFORT * self.mesh.face_count();
         for _ in 0..PASSES {
-            let mut runs: Vec<Vec<EdgeId>> =
-                arcs(self.mesh, &self.cut).into_iter().flat_map(|arc| self.gluable_runs(arc)).collect();
-            runs.sort_by(|a, b| self.length(b).total_cmp(&self.length(a)).then_with(|| a.cmp(b)));
+            let all = arcs(self.mesh, &self.cut).into_iter().flat_map(|arc| self.gluable_runs(arc));
+            let mut runs: Vec<(f64, Vec<EdgeId>)> = all.map(|run| (self.worth(&run), run)).collect();
+            runs.sort_by(|a, b| b.0.total_cmp(&a.0).then_with(|| a.1.cmp(&b.1)));
             let mut glued = false;
-            for run in runs {
+            for (_, run) in runs {
                 self.monitor.check()?;
                 if self.judged > limit {
                     return Ok(());
@@ -62,7 +63,8 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// An arc, between vertices that must lie on a cut, and its halves; what is left of an arc is halved again in the next pass.
+    /// An arc, between vertices that must lie on a cut, its halves, their halves and so on; what is left of an arc is halved
+    /// again in the next pass.
     fn gluable_runs(&self, arc: Vec<EdgeId>) -> Vec<Vec<EdgeId>> {
         let mut whole = Vec::new();
         let mut run: Vec<EdgeId> = Vec::new();
@@ -77,15 +79,23 @@ impl Search<'_> {
             run.push(e);
         }
         whole.push(run);
-        let mut out = Vec::new();
-        for run in whole {
-            if run.len() > 1 {
+        let mut out = whole.clone();
+        for _ in 0..self.options.halvings {
+            let halves = whole.iter().filter(|run| run.len() > 1).flat_map(|run| {
                 let (a, b) = run.split_at(run.len() / 2);
-                out.extend([a.to_vec(), b.to_vec()]);
-            }
-            out.push(run);
+                [a.to_vec(), b.to_vec()]
+            });
+            whole = halves.collect();
+            out.extend_from_slice(&whole);
         }
         out
+    }
+
+    /// Length saved per face that has to be judged for it.
+    fn worth(&self, run: &[EdgeId]) -> f64 {
+        let [p, q] = self.sides(run[0]);
+        let faces = |id: u32| self.pieces[id as usize].as_ref().map_or(0, |it| it.chart.faces.len());
+        self.length(run) / (faces(p) + if p == q { 0 } else { faces(q) }) as f64
     }
 
     /// The pieces on both sides of a cut edge, the smaller number first.

@@ -36,6 +36,8 @@ pub struct Options {
     pub least_opening: f64,
     /// What one more piece is worth, as a length of seam over the bounding-box diagonal.
     pub new_piece: f64,
+    /// How often an arc of a seam is halved to try whether a part of it can be glued.
+    pub halvings: u32,
     /// Area under which a piece is of no use, mm².
     pub min_area: f64,
     /// Width and height that a flat piece must fit into in some rotation, mm; `None`: any size.

@@ -16,14 +16,20 @@ const CREASE_ANGLE: f64 = 0.5;
 const CREASE_DEFECT: f64 = 0.2;
 /// Vertices that |u| of so many times the limit could not spare lie on the first cut.
 const CERTAIN: f64 = 3.0;
-/// How much creases attract the seams of the first solution.
-const ATTRACTION: f64 = 2.0;
+/// How much creases attract the seams of the solutions tried, the most promising first: which one suits a surface shows
+/// only in the end.
+const ATTRACTIONS: [f64; 4] = [0.7, 2.0, 5.0, 0.2];
+/// Faces judged in all after which no new attempt begins, about two seconds of work. The first solution is always finished.
+const EFFORT: usize = 900_000;
+/// Improving ends when it has judged so many times the faces of the mesh: a small one is done sooner.
+const IMPROVEMENT: usize = 60;
 /// Peaks relieved at a time in the first solution, and one more for every thousand vertices.
 const PEAKS: usize = 8;
 /// A piece under the useful size costs as much as so many more pieces.
 const SMALL_PIECE: f64 = 4.0;
 
 /// State of the search.
+#[derive(Clone)]
 pub(super) struct Search<'a> {
     pub(super) mesh: &'a TriMesh,
     pub(super) metric: Metric,
@@ -64,19 +70,15 @@ pub(super) fn search(
     options: &Options,
     monitor: &Monitor,
 ) -> Result<Found, CutError> {
-    let curvature = angle_defects(mesh);
-    let weight = seam_weight(mesh, &curvature, ATTRACTION);
     let metric = Metric::new(mesh);
+    let curvature = angle_defects(mesh);
     let must_cut = must_cut(mesh, &metric, &curvature, CERTAIN * options.stretch);
-    let mut cut = Field::filled(mesh.edge_count(), false);
     let terminals: Vec<VertexId> = mesh.vertices().filter(|&v| must_cut[v] || is_terminal(v)).collect();
-    let all: Vec<FaceId> = mesh.faces().collect();
-    cut_to_disks(mesh, &all, &weight, &curvature, &terminals, &mut cut, monitor)?;
-    let mut search = Search {
+    let mut best = Search {
         mesh,
+        weight: seam_weight(mesh, &curvature, ATTRACTIONS[0]),
         metric,
         curvature,
-        weight,
         peaks: PEAKS,
         new_piece: options.new_piece * mesh.bounds().diagonal(),
         judged: 0,
@@ -84,20 +86,33 @@ pub(super) fn search(
         builder: ChartBuilder::new(mesh),
         options,
         monitor,
-        cut,
+        cut: Field::filled(mesh.edge_count(), false),
         pieces: Vec::new(),
         glued_into: Vec::new(),
         failures: Failures::default(),
         piece_of: Field::filled(mesh.face_count(), u32::MAX),
     };
-    monitor.progress(0.1, "cutting to where it stretches most");
-    search.settle(&all)?;
-    monitor.progress(0.3, "gluing what can be glued");
-    search.join(0)?;
-    search.improve()?;
-    search.join(0)?;
-    search.enlarge()?;
-    Ok(Found { cut: search.cut, terminals: terminals.len() })
+    let uncut = best.clone();
+    best.solve(&terminals)?;
+    let mut judged = best.judged;
+    for (k, attraction) in ATTRACTIONS.into_iter().enumerate().skip(1) {
+        // As much again as one attempt took must be left.
+        if judged + judged / k > EFFORT {
+            break;
+        }
+        let mut other = uncut.clone();
+        other.attract(attraction);
+        other.solve(&terminals)?;
+        judged += other.judged;
+        if other.cost() < best.cost() {
+            best = other;
+        }
+    }
+    best.judged = judged;
+    best.improve(EFFORT.min(judged + IMPROVEMENT * mesh.face_count()))?;
+    best.join(0)?;
+    best.enlarge()?;
+    Ok(Found { cut: best.cut, terminals: terminals.len() })
 }
 
 /// Length / (1 + a S), a the `attraction`, with S = min(1, dihedral / 0.5) + min(1, (|K_a| + |K_b|) / 0.2): seams run along creases and
@@ -127,6 +142,23 @@ fn must_cut(mesh: &TriMesh, metric: &Metric, curvature: &Field<VertexId, f64>, l
 }
 
 impl Search<'_> {
+    /// A first solution through all `terminals`.
+    fn solve(&mut self, terminals: &[VertexId]) -> Result<(), CutError> {
+        let all: Vec<FaceId> = self.mesh.faces().collect();
+        cut_to_disks(self.mesh, &all, &self.weight, &self.curvature, terminals, &mut self.cut, self.monitor)?;
+        self.monitor.progress(0.1, "cutting to where it stretches most");
+        self.settle(&all)?;
+        self.monitor.progress(0.3, "gluing what can be glued");
+        self.join(0)
+    }
+
+    /// What the solution is worth: pieces that are not good, then the length of all seams with the price of the pieces, mm.
+    fn cost(&self) -> (usize, f64) {
+        let pieces = || self.pieces.iter().flatten();
+        let seams: Vec<EdgeId> = self.mesh.edges().filter(|&e| self.cut[e]).collect();
+        (pieces().filter(|it| !it.is_good()).count(), self.length(&seams) + self.price(pieces()))
+    }
+
     /// Judges the component that `faces` are with the edges cut now.
     pub(super) fn judge(&mut self, faces: Vec<FaceId>) -> Result<Piece, CutError> {
         self.judged += faces.len();

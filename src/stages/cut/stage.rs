@@ -65,6 +65,14 @@ impl Style {
             Self::Shortest => 0.005,
         }
     }
+
+    /// How often an arc is halved in search of a part that can be glued: one piece may hang together by a short hinge.
+    fn halvings(self) -> u32 {
+        match self {
+            Self::OnePiece => 3,
+            Self::Few | Self::Shortest => 1,
+        }
+    }
 }
 
 /// The least angle by which a slit opens at its end, radians: less is closed by the width of any tool.
@@ -82,6 +90,13 @@ pub struct Stock {
     min_piece: f64,
     /// Sides of the free area of a sheet, shorter one first, mm.
     free: [f64; 2],
+}
+
+impl CutStage {
+    /// Side of the least useful square, mm.
+    fn min_side(&self, stock: &Stock) -> f64 {
+        self.min_piece.map_or(stock.min_piece, |it| it.mm)
+    }
 }
 
 impl Stage for CutStage {
@@ -124,19 +139,22 @@ impl Stage for CutStage {
             clearance: self.clearance.mm,
             least_opening: LEAST_OPENING,
             new_piece: self.style.new_piece(),
-            min_area: self.min_piece.map_or(stock.min_piece, |it| it.mm).powi(2),
+            halvings: self.style.halvings(),
+            min_area: self.min_side(stock).powi(2),
             sheet: self.fit_sheet.then_some(stock.free),
         };
         cut(input, &options, &cx.monitor)
     }
 
-    fn section(&self, input: &DevelopableMesh, _: &Stock, cut: &CutMesh) -> Section {
+    fn section(&self, input: &DevelopableMesh, stock: &Stock, cut: &CutMesh) -> Section {
         let length: f64 = cut.seams.iter().flat_map(|it| &it.sides[0]).map(|&h| cut.mesh.vector(h).norm()).sum();
         let mut table = json!({
             "seam_vertices": cut.seam_vertices,
             "seam_length_mm": length,
             "seam_length_rel": length / input.mesh.bounds().diagonal(),
             "pieces": cut.pieces.len(),
+            "min_piece_mm": self.min_side(stock),
+            "small_pieces": cut.small_pieces(self.min_side(stock).powi(2)),
         });
         if let Some(tolerance) = self.tolerance {
             table["tolerance"] = json!(tolerance);
