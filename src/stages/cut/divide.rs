@@ -2,9 +2,7 @@
 use super::piece::Piece;
 use crate::{
     mesh::{EdgeId, Field, TriMesh},
-    surface::{
-        paths::{EdgeGraph, PathTree},
-    },
+    surface::paths::{EdgeGraph, PathTree},
 };
 
 /// Starting points tried at most; more boundary vertices than that are thinned out evenly.
