@@ -32,6 +32,9 @@ use crate::{
 /// How long a cutter may hold back the flow of bytes, s.
 const HELD_BACK: f64 = 600.0;
 
+/// Faults of a program that are shown.
+const SHOWN: usize = 5;
+
 /// A program and where it lies.
 struct Job {
     path: PathBuf,
@@ -56,7 +59,7 @@ impl Job {
             );
         }
         text + &format!(
-            "  contours  {}, {:.0} mm at work, {:.0} mm between, {} pauses\n      time  about {}\n",
+            "  contours  {}, {:.0} mm at work, {:.0} mm between, {} pause(s)\n      time  about {}\n",
             program.contours.len(),
             program.worked,
             program.travelled,
@@ -115,15 +118,34 @@ pub(super) fn profile(name: &str) -> Result<Machine, String> {
 }
 
 fn read(path: &Path, machine: &Machine) -> Result<Job, String> {
-    let text = fs::read_to_string(path).map_err(|err| format!("cannot read {}: {err}", path.display()))?;
+    let name = path.display();
+    if ["svg", "dxf", "pdf", "fold", "obj", "stl", "ply", "off", "png", "json", "toml"].iter().any(|it| ends(path, it))
+    {
+        return Err(format!(
+            "{name} is no program for a machine: send G-code (.nc, .gcode) or HPGL (.plt), which `fabricate run` writes \
+             into sheets/ where output.formats asks for them"
+        ));
+    }
+    let bytes = fs::read(path).map_err(|err| format!("cannot read {name}: {err}"))?;
+    let text = String::from_utf8(bytes).map_err(|_| format!("{name} is no text, and so no program"))?;
     let program = if is_plot(path) { plain::read_plot(&text, machine) } else { job::read(text.clone(), machine) };
-    let program = program.map_err(|err| format!("{}:\n{err}", path.display()))?;
+    let program = program.map_err(|err| {
+        let lines = err.to_string();
+        let (shown, count) = (lines.lines().take(SHOWN).collect::<Vec<_>>().join("\n"), lines.lines().count());
+        let more = if count > SHOWN { format!("\nand {} more", count - SHOWN) } else { String::new() };
+        format!("{name}:\n{shown}{more}")
+    })?;
     Ok(Job { path: path.to_owned(), text, program })
+}
+
+/// Whether a file name has an ending, in whatever case.
+fn ends(path: &Path, ending: &str) -> bool {
+    path.extension().is_some_and(|it| it.eq_ignore_ascii_case(ending))
 }
 
 /// Whether a file is HPGL, by its ending.
 fn is_plot(path: &Path) -> bool {
-    path.extension().is_some_and(|it| ["plt", "hpgl", "hpg"].iter().any(|known| it.eq_ignore_ascii_case(known)))
+    ["plt", "hpgl", "hpg"].iter().any(|it| ends(path, it))
 }
 
 /// What is spoken at the other end of the port: plots go to cutters, G-code to boards of the profile's dialect.

@@ -12,7 +12,7 @@ use crate::{
         arcs::{self, ArcPath},
     },
     model::{Operation, SheetPaths},
-    profile::{Dialect, Head, Machine, Profiles, Tool},
+    profile::{Dialect, Head, Machine, Profiles, RotaryAxis, Tool},
 };
 
 /// GRBL refuses lines of 80 characters and more.
@@ -21,6 +21,9 @@ const LINE: usize = 79;
 /// Arcs with a chord or radius of fewer steps of the last decimal are written as their chord: rounding could turn their
 /// ends so far that a board runs round the rest of the circle instead.
 const LEAST_STEPS: f64 = 5.0;
+
+/// A blade that an axis turns by no more than this many degrees turns while it moves on.
+const RIDES: f64 = 2.0;
 
 /// Which sheet of how many.
 #[derive(Debug, Clone, Copy)]
@@ -65,8 +68,6 @@ pub(super) fn write(
             continue;
         };
         program.change(path.operation, tool);
-        program.rapid(first);
-        program.lower(tool, path.depth);
         let straight;
         let way = if machine.arcs {
             &path.path
@@ -74,7 +75,16 @@ pub(super) fn write(
             straight = ArcPath::straight(path.path.chords(super::CHORD));
             &straight
         };
+        program.rapid(first);
+        let axis = machine.knife.filter(|_| machine.is_blade(tool)).and_then(|it| it.axis);
+        if let (Some(axis), [a, b, ..]) = (axis, &way.points[..]) {
+            program.turn(axis, [*a, *b], 0.0);
+        }
+        program.lower(tool, path.depth);
         for (from, to, bulge) in way.stretches() {
+            if let Some(axis) = axis {
+                program.turn(axis, [from, to], RIDES);
+            }
             program.feed(from, to, bulge, tool);
         }
         program.lift();
@@ -92,6 +102,9 @@ struct State {
     power: String,
     operation: Option<Operation>,
     tool: Option<u32>,
+    /// Degrees of the axis that turns a blade, and its word for the next move.
+    angle: f64,
+    turning: Option<String>,
 }
 
 struct Program<'a> {
@@ -190,7 +203,8 @@ impl Program<'_> {
                 self.dwell(dwell_down);
             }
             Head::Z { down, plunge, dwell, .. } => {
-                let (height, feed) = (self.number(depth * tool.down.unwrap_or(down)), Self::word(plunge));
+                // Nothing of nothing is not minus nothing.
+                let (height, feed) = (self.number(depth * tool.down.unwrap_or(down) + 0.0), Self::word(plunge));
                 self.line(&format!("G1 Z{height} F{feed}"));
                 self.state.motion = "G1";
                 self.state.feed = feed;
@@ -217,6 +231,25 @@ impl Program<'_> {
     fn rapid(&mut self, point: Vec2) {
         let power = matches!(self.machine.head, Head::Laser { .. }).then(|| "0".to_string());
         self.motion("G0", point, None, None, power);
+    }
+
+    /// Turns a tangential blade into the direction of a line, the shorter way round: with the line itself where that takes
+    /// no more than `rides` degrees, before it otherwise. The axis may go round any number of times.
+    fn turn(&mut self, axis: RotaryAxis, line: [Vec2; 2], rides: f64) {
+        let [a, b] = line.map(|it| self.machine.to_work(it, self.sheet));
+        let turn = (b - a).y.atan2((b - a).x).to_degrees() - self.state.angle;
+        let turn = turn - 360.0 * (turn / 360.0).round();
+        if a == b || turn.abs() < 1e-3 {
+            return;
+        }
+        self.state.angle += turn;
+        let word = format!("{}{}", axis.letter(), Self::word(self.state.angle));
+        if turn.abs() <= rides {
+            self.state.turning = Some(word);
+        } else {
+            self.line(&format!("G0 {word}"));
+            self.state.motion = "G0";
+        }
     }
 
     /// A straight line, or an arc whose centre is given from its start as it was written.
@@ -262,6 +295,7 @@ impl Program<'_> {
         if let Some([i, j]) = center.filter(|_| !still) {
             words.extend([format!("I{i}"), format!("J{j}")]);
         }
+        words.extend(self.state.turning.take().filter(|_| !still));
         if let Some(power) = power.filter(|it| *it != self.state.power && (!still || it == "0")) {
             words.push(format!("S{power}"));
             self.state.power = power;

@@ -8,6 +8,9 @@ use crate::{geom::Vec2, model::SheetPaths, profile::Machine};
 /// Plotter units per millimetre.
 const UNITS: f64 = 40.0;
 
+/// Millimetres a minute in a centimetre a second.
+const CM_PER_SECOND: f64 = 600.0;
+
 /// Writes the plot of one sheet. `SP` selects the tool number of the operation.
 pub(super) fn write(sheet: &SheetPaths, machine: &Machine, out: &mut dyn io::Write) -> io::Result<()> {
     let place = |point: Vec2| {
@@ -16,6 +19,7 @@ pub(super) fn write(sheet: &SheetPaths, machine: &Machine, out: &mut dyn io::Wri
     };
     let mut text = String::from("IN;\nPA;\n");
     let mut selected = None;
+    let (mut speed, mut force) = (0.0, 0.0);
     for path in &sheet.paths {
         let points = path.path.chords(super::CHORD);
         let (Some(tool), [first, rest @ ..]) = (machine.tools.get(path.operation), points.as_slice()) else {
@@ -27,6 +31,16 @@ pub(super) fn write(sheet: &SheetPaths, machine: &Machine, out: &mut dyn io::Wri
             text.push_str(&format!("SP{};\n", tool.number));
             selected = Some(tool.number);
         }
+        let mut set = |state: &mut f64, name: &str, value: Option<f64>| {
+            if let Some(value) = value.filter(|it| it != state) {
+                // Speed and force hold from the next movement on.
+                text.push_str(&format!("{name}{value};\n"));
+                *state = value;
+            }
+        };
+        // Whole centimetres a second and grams, which every cutter takes.
+        set(&mut speed, "VS", machine.velocity.then(|| (tool.feed / CM_PER_SECOND).round().max(1.0)));
+        set(&mut force, "FS", tool.force.map(f64::round));
         let mut last = place(*first);
         text.push_str(&format!("PU{last};\n"));
         for point in rest.iter().map(|it| place(*it)) {

@@ -104,6 +104,16 @@ impl ArcPath {
         self.bulges.extend(&other.bulges);
     }
 
+    /// The pieces between corners that turn by more than `angle` radians.
+    pub fn split(&self, angle: f64) -> Vec<Self> {
+        let sharp = |i: &usize| self.directions(i - 1).1.dot(&self.directions(*i).0) < angle.cos();
+        let corners: Vec<usize> = (1..self.bulges.len()).filter(sharp).collect();
+        let ends = corners.iter().copied().chain([self.bulges.len()]);
+        let piece =
+            |(a, b): (usize, usize)| Self { points: self.points[a..=b].to_vec(), bulges: self.bulges[a..b].to_vec() };
+        [0].into_iter().chain(corners.iter().copied()).zip(ends).map(piece).collect()
+    }
+
     /// The same path the other way.
     pub fn reversed(mut self) -> Self {
         self.points.reverse();

@@ -2,6 +2,7 @@
 
 pub mod arcs;
 pub mod boolean;
+pub mod motion;
 pub mod outline;
 pub mod polygon;
 pub mod polyline;

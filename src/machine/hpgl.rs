@@ -269,6 +269,13 @@ impl Protocol for Hpgl {
         }
     }
 
+    fn waiting(&mut self, now: Seconds) {
+        // A cutter that holds RTS down says nothing else: its time runs from when the last byte has left.
+        if self.options.flow == Flow::RtsCts {
+            self.schedule.due = self.schedule.due.max(now);
+        }
+    }
+
     fn outbox(&mut self) -> &mut Outbox {
         &mut self.outbox
     }

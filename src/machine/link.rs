@@ -31,7 +31,7 @@ pub enum OpenError {
     #[error("`{0}` is in use by another program; close that one first (`lsof {0}` or `fuser {0}` names it)")]
     Busy(String),
     /// Anything else.
-    #[error("`{port}` cannot be opened: {cause}")]
+    #[error("`{port}` cannot be opened as a serial port: {cause} (`fabricate ports` lists those of this computer)")]
     Other {
         /// The port.
         port: String,
@@ -154,6 +154,10 @@ impl Wire for Serial {
         // Without effect on a broken wire, which the read side reports.
         let _ = self.port.clear(ClearBuffer::Output);
     }
+
+    fn waiting(&mut self) -> usize {
+        self.port.bytes_to_write().unwrap_or(0) as usize
+    }
 }
 
 /// A wire to a machine, with the clock that goes with it.
@@ -166,4 +170,6 @@ pub trait Wire {
     fn write(&mut self, bytes: &[u8]) -> Result<usize, String>;
     /// Throws away bytes that were taken but not sent yet.
     fn discard(&mut self);
+    /// Bytes that were taken but not sent yet, as far as that is known.
+    fn waiting(&mut self) -> usize;
 }

@@ -155,9 +155,10 @@ impl<W: Wire, P: Protocol> Session<'_, W, P> {
         if past.begun > program.contours.len() || past.done > program.contours.len() {
             return Err(SendError::Journal(JournalError::Foreign(path.display().to_string())));
         }
-        if program.plot.is_none() {
+        if program.plot.is_none() && !wishes.home && !wishes.zero {
             return refuse(
-                "a Marlin board that was stopped may have lost steps: --resume is for GRBL-type boards and HPGL cutters",
+                "a Marlin board that was stopped may have lost steps, and tells nothing of it: use --resume with --home, or \
+                 bring the tool to the work zero by hand and use --resume with --zero",
             );
         }
         tell(&format!("{} of {} contours are surely done", past.done, program.contours.len()));

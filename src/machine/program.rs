@@ -77,7 +77,10 @@ pub enum ProgramError {
         length: usize,
     },
     /// It stops for the operator with the tool at work.
-    #[error("line {line}: the program pauses here with the tool at work; lift it or switch it off before M0, M1 or M6")]
+    #[error(
+        "line {line}: the program pauses here with the tool at work; lift it or switch it off before M0, M1 or M6, \
+             unless the program was made for another machine than this one"
+    )]
     PauseAtWork {
         /// From 1.
         line: usize,

@@ -278,6 +278,8 @@ pub trait Protocol {
     fn command(&mut self, now: Seconds, command: Command);
     /// The connection is gone or does not take bytes.
     fn broken(&mut self, now: Seconds, fault: Fault);
+    /// Bytes are still waiting in the port, held back by the machine or on their way.
+    fn waiting(&mut self, _now: Seconds) {}
     /// Where bytes and events wait to be handed out.
     fn outbox(&mut self) -> &mut Outbox;
     /// Bytes to be written now.

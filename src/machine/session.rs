@@ -224,6 +224,9 @@ impl<'a, W: Wire, P: Protocol> Session<'a, W, P> {
             }
             Err(cause) => self.protocol.broken(now, Fault::Unplugged(cause)),
         }
+        if self.wire.waiting() > 0 {
+            self.protocol.waiting(now);
+        }
         self.protocol.tick(now);
         self.flush();
         while let Some(event) = self.protocol.event() {

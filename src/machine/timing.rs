@@ -1,7 +1,8 @@
 //! How long a program takes: trapezoids of speed with look-ahead, as GRBL's planner runs them.
-use std::collections::VecDeque;
-
-use crate::import::gcode::path::{Move, Point};
+use crate::import::gcode::{
+    motion::{Block, corner_speed, plan},
+    path::{Move, Point},
+};
 
 /// What the drives can do.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,21 +21,12 @@ const ARC_TOLERANCE: f64 = 0.002;
 /// Blocks looked at together. Beyond some metres nothing further ahead changes the speed here.
 const WINDOW: usize = 512;
 
-struct Block {
-    line: usize,
-    length: f64,
-    /// mm/s.
-    nominal: f64,
-    acceleration: f64,
-    end: Point,
-    /// Largest speed at its start, mm/s.
-    entry_max: f64,
-}
-
 /// Sums up the time of a program line by line.
 pub struct Clock {
     limits: Limits,
-    blocks: VecDeque<Block>,
+    blocks: Vec<Block>,
+    /// Their lines.
+    lines: Vec<usize>,
     /// Speed at the start of the first block.
     entry: f64,
     /// Direction at the end of the last move, where it did not stop.
@@ -48,21 +40,10 @@ fn along(direction: Point, limits: Point) -> f64 {
     (0..3).filter(|&i| direction[i].abs() > 1e-9).map(|i| limits[i] / direction[i].abs()).fold(f64::INFINITY, f64::min)
 }
 
-/// Seconds of a path of `length` entered at `v0` and left at `v1`, with top speed `v` and acceleration `a`.
-fn trapezoid(length: f64, v0: f64, v: f64, v1: f64, a: f64) -> f64 {
-    let ramps = (2.0 * v * v - v0 * v0 - v1 * v1) / (2.0 * a);
-    if ramps <= length {
-        (2.0 * v - v0 - v1) / a + (length - ramps) / v
-    } else {
-        let peak = ((2.0 * a * length + v0 * v0 + v1 * v1) / 2.0).sqrt().max(v0).max(v1);
-        (2.0 * peak - v0 - v1) / a
-    }
-}
-
 impl Clock {
     /// Starts at rest.
     pub fn new(limits: Limits) -> Self {
-        Self { limits, blocks: VecDeque::new(), entry: 0.0, direction: None, seconds: Vec::new() }
+        Self { limits, blocks: Vec::new(), lines: Vec::new(), entry: 0.0, direction: None, seconds: Vec::new() }
     }
 
     fn book(&mut self, line: usize, seconds: f64) {
@@ -88,25 +69,14 @@ impl Clock {
         }
         // A feed of 0 is refused by the board; it must not make the estimate infinite.
         let nominal = nominal.max(1e-3);
-        let entry_max = self.direction.map_or(0.0, |last| self.junction(last, start, acceleration));
-        self.blocks.push_back(Block { line, length, nominal, acceleration, end: it.direction(1.0), entry_max });
-        self.direction = self.blocks.back().map(|it| it.end);
+        let cos_turn = |last: Point| (0..3).map(|i| last[i] * start[i]).sum::<f64>();
+        let entry = self.direction.map_or(0.0, |it| corner_speed(cos_turn(it), acceleration, self.limits.junction));
+        self.blocks.push(Block { length, nominal, acceleration, entry });
+        self.lines.push(line);
+        self.direction = Some(it.direction(1.0));
         if self.blocks.len() >= WINDOW {
             self.settle(WINDOW / 2);
         }
-    }
-
-    /// Speed through a corner: centripetal acceleration on the arc that leaves the corner by the junction deviation.
-    fn junction(&self, before: Point, after: Point, acceleration: f64) -> f64 {
-        let cos = -(0..3).map(|i| before[i] * after[i]).sum::<f64>();
-        if cos > 0.999_999 {
-            return 0.0;
-        }
-        let sin_half = ((1.0 - cos) / 2.0).sqrt();
-        if sin_half > 0.999_999 {
-            return f64::INFINITY;
-        }
-        (acceleration * self.limits.junction * sin_half / (1.0 - sin_half)).sqrt()
     }
 
     /// The machine stops and waits.
@@ -119,24 +89,11 @@ impl Clock {
 
     /// Books the first `count` blocks, with a stop assumed after the last.
     fn settle(&mut self, count: usize) {
-        let n = self.blocks.len();
-        let mut entries = vec![0.0; n + 1];
-        for i in (0..n).rev() {
-            let block = &self.blocks[i];
-            let nominal = block.nominal.min(if i == 0 { f64::INFINITY } else { self.blocks[i - 1].nominal });
-            let reach = (entries[i + 1] * entries[i + 1] + 2.0 * block.acceleration * block.length).sqrt();
-            entries[i] = block.entry_max.min(nominal).min(reach);
-        }
-        let mut v = self.entry;
-        for i in 0..count {
-            let Some(block) = self.blocks.pop_front() else { break };
-            let reach = (v * v + 2.0 * block.acceleration * block.length).sqrt();
-            let exit = entries[i + 1].min(reach);
-            let top = block.nominal.max(v).max(exit);
-            self.book(block.line, trapezoid(block.length, v, top, exit, block.acceleration));
-            v = exit;
-        }
-        self.entry = v;
+        let (seconds, after) = plan(&self.blocks, self.entry, count);
+        self.entry = after;
+        self.blocks.drain(..count);
+        let lines: Vec<usize> = self.lines.drain(..count).collect();
+        lines.into_iter().zip(seconds).for_each(|(line, it)| self.book(line, it));
     }
 
     /// Seconds per line.

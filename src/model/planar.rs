@@ -176,7 +176,7 @@ pub struct Toolpath {
     pub operation: Operation,
     /// Lines and arcs in sheet coordinates, mm; a closed path repeats its first point at the end.
     pub path: ArcPath,
-    /// Share of the tool's full depth, in (0, 1]; heads without a Z axis know only 1.
+    /// Share of the tool's full depth, in [0, 1]; heads without a Z axis know only 1. At 0 a blade only turns, on the surface.
     pub depth: f64,
     /// Name of the part; empty where a blade is only turned, in the margin.
     pub part: String,

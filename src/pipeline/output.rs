@@ -16,11 +16,28 @@ pub struct OutputError {
     pub source: io::Error,
 }
 
+/// How names of half-written files begin.
+const PART: &str = ".part-";
+
+/// Removes what a run that was killed left half written, in a folder and the folders in it. What cannot be removed does
+/// no harm.
+fn clear(root: &Path) {
+    let list = |folder: &Path| fs::read_dir(folder).into_iter().flatten().flatten().collect::<Vec<_>>();
+    let here = list(root);
+    let below = here.iter().filter(|it| it.file_type().is_ok_and(|it| it.is_dir())).flat_map(|it| list(&it.path()));
+    for entry in below.chain(list(root)) {
+        let ours = entry.file_name().to_str().is_some_and(|it| it.starts_with(PART));
+        if ours && entry.file_type().is_ok_and(|it| it.is_file()) {
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
 /// Writes beside, syncs, renames.
 pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let folder = path.parent().unwrap_or(Path::new("."));
     fs::create_dir_all(folder)?;
-    let mut file = tempfile::Builder::new().prefix(".part-").tempfile_in(folder)?;
+    let mut file = tempfile::Builder::new().prefix(PART).tempfile_in(folder)?;
     file.write_all(bytes)?;
     file.as_file().sync_data()?;
     #[cfg(unix)]
@@ -43,7 +60,8 @@ impl Output {
     pub(super) fn open(root: &Path) -> Result<Self, OutputError> {
         let wrap = |source| OutputError { path: root.to_owned(), source };
         fs::create_dir_all(root).map_err(wrap)?;
-        tempfile::Builder::new().prefix(".part-").tempfile_in(root).map_err(wrap)?;
+        clear(root);
+        tempfile::Builder::new().prefix(PART).tempfile_in(root).map_err(wrap)?;
         Ok(Self { root: root.to_owned() })
     }
 
@@ -73,5 +91,23 @@ impl Output {
         }
         let list: String = written.iter().flat_map(|it| [it.as_str(), "\n"]).collect();
         self.write(LIST, list.as_bytes())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_killed_run_left_half_written_is_removed_and_nothing_else() {
+        let root = tempfile::tempdir().unwrap();
+        fs::create_dir(root.path().join("sheets")).unwrap();
+        let file = |name: &str| root.path().join(name);
+        for name in [".part-x1", "sheets/.part-x2", "notes.txt", "sheets/part-3.svg"] {
+            fs::write(file(name), "x").unwrap();
+        }
+        Output::open(root.path()).unwrap();
+        assert!(!file(".part-x1").exists() && !file("sheets/.part-x2").exists());
+        assert!(file("notes.txt").exists() && file("sheets/part-3.svg").exists());
     }
 }

@@ -142,12 +142,12 @@ fn tips(cuts: &[Cut], offset: f64) -> Vec<Cut> {
 /// Compares the strokes of a program with the contours of its sheet.
 pub(super) fn compare(cuts: &[Cut], sheet: &Sheet, machine: &Machine) -> Fit {
     let blade = machine.knife.filter(|it| machine.kind == MachineKind::DragKnife && it.offset.mm > 0.0);
-    let number = |operation| machine.tools.get(operation).map(|it| it.number);
+    let by_blade = |it: &&Cut| machine.tools.get(it.operation).is_some_and(|it| machine.is_blade(it));
     let cutting: Vec<Cut> = match blade {
         // What else the blade does turns it as well.
         Some(knife) => {
-            let dragged = cuts.iter().filter(|it| number(it.operation) == number(Operation::CutOutside)).cloned();
-            tips(&dragged.collect::<Vec<_>>(), knife.offset.mm)
+            let dragged: Vec<Cut> = cuts.iter().filter(by_blade).cloned().collect();
+            tips(&dragged, knife.offset.mm)
         }
         None => cuts.to_vec(),
     };

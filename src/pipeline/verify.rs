@@ -21,6 +21,8 @@ const PLOTTER_LIMIT: f64 = 0.018;
 /// The middle of an arc feels the rounding of its ends and, turned by up to a quarter, of its centre: with half a step in
 /// each coordinate at most (1 + 1 + √2) √2 / 2 = 2.4 steps of the last decimal.
 const MIDDLE: f64 = 2.5;
+/// Ends of strokes nearer than this are of the same stroke, mm.
+const APART: f64 = 0.1;
 /// GRBL refuses lines of 80 characters and more.
 const LONGEST_LINE: usize = 79;
 
@@ -168,7 +170,11 @@ fn paths(
     let done = sheet.paths.iter().filter(|it| machine.tools.get(it.operation).is_some());
     let expected: Vec<Vec<Vec2>> = done.map(|it| marks(&it.path)).filter(|it| kept(it)).collect();
     if expected.len() != strokes.len() {
-        return Err(format!("{} strokes, expected {}", strokes.len(), expected.len()));
+        let place = |it: &Vec2| machine.from_work(*it, sheet.size);
+        return Err(miscounted(
+            &expected,
+            &strokes.iter().map(|it| it.iter().map(place).collect()).collect::<Vec<_>>(),
+        ));
     }
     let mut worst = 0.0_f64;
     for (i, (points, stroke)) in expected.iter().zip(strokes).enumerate() {
@@ -176,6 +182,17 @@ fn paths(
         worst = worst.max(deviation(points, &stroke, false).ok_or_else(|| foreign(i))?);
     }
     Ok(worst)
+}
+
+/// Says where the first of too many or too few strokes stands.
+fn miscounted(expected: &[Vec<Vec2>], read: &[Vec<Vec2>]) -> String {
+    let near = |a: Option<&Vec2>, b: Option<&Vec2>| a.zip(b).is_some_and(|(a, b)| (a - b).norm() < APART);
+    let same = |(a, b): (&Vec<Vec2>, &Vec<Vec2>)| near(a.first(), b.first()) && near(a.last(), b.last());
+    let first = expected.iter().zip(read).position(|it| !same(it)).unwrap_or(expected.len().min(read.len()));
+    let place = expected.get(first).or(read.get(first)).and_then(|it| it.first());
+    let place = place.map_or(String::new(), |it| format!(" ({:.2}, {:.2})", it.x, it.y));
+    let (found, meant) = (read.len(), expected.len());
+    format!("{found} strokes, expected {meant}; the first that differs is number {} at{place}", first + 1)
 }
 
 fn foreign(index: usize) -> String {

@@ -99,12 +99,16 @@ pub struct Tool {
     /// Where the head goes to work, in the unit of [`Head`]'s `down`; the head's own value when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub down: Option<f64>,
+    /// Force of the tool on the material, grams, for plots (HPGL's `FS`); where absent, that of the tool before it, or as
+    /// set at the cutter.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub force: Option<f64>,
     /// Which tool is in the holder; the program pauses where the number changes.
     #[serde(default = "once")]
     pub number: u32,
 }
 
-/// Webs left standing in every closed cut.
+/// Webs left standing in every cut that frees a part, or what is in its hole.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bridges {
@@ -194,7 +198,7 @@ pub enum Corner {
     UpperRight,
 }
 
-/// A trailing blade.
+/// A blade that trails, or that an axis turns.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Knife {
@@ -202,6 +206,58 @@ pub struct Knife {
     pub offset: Length,
     /// How far a closed contour is cut past its start.
     pub overcut: Length,
+    /// Corners that turn by more degrees than this are turned with the blade lifted: to the surface where it trails, clear
+    /// of it where an axis turns it. Never lifted when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lift: Option<f64>,
+    /// The rotary axis that turns the blade (a tangential knife), its zero along x; absent where the blade trails.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub axis: Option<RotaryAxis>,
+}
+
+impl Knife {
+    fn check(&self, machine: &Machine) -> Result<(), Fault> {
+        at_least_zero("knife.offset", self.offset.mm)?;
+        at_least_zero("knife.overcut", self.overcut.mm)?;
+        self.lift.map_or(Ok(()), |it| within("knife.lift", it, 1.0, 179.0))?;
+        let fault = |key: &str, message: &str| Err(Fault::new(key, message));
+        match self.axis {
+            None if self.lift.is_some() && !matches!(machine.head, Head::Z { .. }) => fault(
+                "knife.lift",
+                "needs [head.z]: only a Z axis can hold a trailing blade with its tip on the surface",
+            ),
+            Some(_) if self.offset.mm > 0.0 => fault("knife.offset", "must be 0 where an axis turns the blade"),
+            Some(_) if self.lift.is_none() => {
+                fault("knife.lift", "must be set where an axis turns the blade, say to 20")
+            }
+            Some(_) if machine.arcs => {
+                fault("arcs", "must be false where an axis turns the blade: it turns between lines")
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// A rotary axis of G-code; its words are degrees.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum RotaryAxis {
+    /// About x.
+    A,
+    /// About y.
+    B,
+    /// About z.
+    C,
+}
+
+impl RotaryAxis {
+    /// Its letter.
+    pub fn letter(self) -> char {
+        match self {
+            Self::A => 'A',
+            Self::B => 'B',
+            Self::C => 'C',
+        }
+    }
 }
 
 /// A machine profile (`profiles/machines/NAME.toml`). Layers and tools are keyed by operation in kebab case
@@ -236,6 +292,9 @@ pub struct Machine {
     /// Whether programs may hold arcs (G2, G3).
     #[serde(default = "yes")]
     pub arcs: bool,
+    /// Whether plots set the speed of each tool (HPGL's `VS`); as set at the cutter otherwise.
+    #[serde(default)]
+    pub velocity: bool,
     /// Formats written when the config names none.
     pub formats: Vec<String>,
     /// Line width in drawings.
@@ -283,6 +342,7 @@ impl Rule for Machine {
                 positive(&key("bridges.width"), bridges.width.mm)?;
                 bridges.height.map_or(Ok(()), |it| positive(&key("bridges.height"), it.mm))?;
             }
+            tool.force.map_or(Ok(()), |it| within(&key("force"), it, 1.0, 10_000.0))?;
             within(&key("number"), tool.number.into(), 1.0, 99.0)?;
             if let Some(down) = tool.down.filter(|it| !it.is_finite()) {
                 return Err(Fault::new(&key("down"), format!("must be a finite number, not {down}")));
@@ -305,6 +365,13 @@ impl Machine {
     /// From the machine's coordinates to those of a sheet of that size.
     pub fn from_work(&self, point: Vec2, sheet: Vec2) -> Vec2 {
         self.flip(point) + self.zero(sheet)
+    }
+
+    /// Whether a tool is the blade of a cutting plotter: the one that cuts outlines. Pens and creasers of the same machine
+    /// neither trail nor turn.
+    pub fn is_blade(&self, tool: &Tool) -> bool {
+        self.kind == MachineKind::DragKnife
+            && self.tools.get(Operation::CutOutside).is_some_and(|it| it.number == tool.number)
     }
 
     fn flip(&self, vector: Vec2) -> Vec2 {
@@ -348,10 +415,7 @@ impl Machine {
             }
         }
         match (self.knife, self.kind) {
-            (Some(knife), MachineKind::DragKnife) => {
-                at_least_zero("knife.offset", knife.offset.mm)?;
-                at_least_zero("knife.overcut", knife.overcut.mm)
-            }
+            (Some(knife), MachineKind::DragKnife) => knife.check(self),
             (None, MachineKind::DragKnife) => {
                 Err(Fault::new("kind", "drag-knife needs a table [knife] with `offset` and `overcut`"))
             }

@@ -116,6 +116,30 @@ fn profiles(material: &str, machine: &str) -> Profiles {
     Profiles::load(Path::new("."), material.get_ref(), machine.get_ref()).unwrap()
 }
 
+/// A drag knife of one's own, with a Z axis, and with more keys of its blade.
+fn with_z_axis(knife: &str) -> Profiles {
+    let folder = tempfile::tempdir().unwrap();
+    let servo = MACHINES.iter().find(|it| it.name == "drag-knife-a3").unwrap().text;
+    let (before, rest) = servo.split_once("[head.servo]").unwrap();
+    let after = rest[rest.find("[knife]").unwrap()..].replace("[knife]", &format!("[knife]\n{knife}"));
+    let own = format!("{before}[head.z]\nup = 5\ndown = -0.4\nplunge = 300\ndwell = 0.1\n\n{after}");
+    std::fs::write(folder.path().join("router.toml"), own.replace("down = 65", "down = -0.1")).unwrap();
+    let (material, machine) = (DeTable::parse("").unwrap(), DeTable::parse("profile = \"router.toml\"").unwrap());
+    Profiles::load(folder.path(), material.get_ref(), machine.get_ref()).unwrap()
+}
+
+/// The job with toolpaths by the router.
+fn routed(profiles: &Profiles) -> Job {
+    let mut job = Job::new(profiles);
+    let cx = Cx { seed: 0, monitor: Monitor::silent(), kept: None, keep: &|_| () };
+    job.toolpaths = RouteStage::default().run(&job.sheets, &profiles.machine, &cx).unwrap();
+    job
+}
+
+/// A knife that an axis turns.
+const TANGENTIAL: &str =
+    "profile = \"drag-knife-a3\"\nknife = { offset = 0, overcut = 0, lift = 20, axis = \"C\" }\narcs = false";
+
 /// Every built-in machine on paper, which all of them take.
 fn machines() -> impl Iterator<Item = Profiles> {
     MACHINES.iter().map(|it| profiles("", &format!("profile = \"{}\"", it.name)))
@@ -183,7 +207,7 @@ fn a_file_that_was_tampered_with_fails_its_check() {
         ("nc", "\nM5", ""),
         ("nc", "G0 X0.000 Y0.000\nM2", "G0 X0.000 Y0.000"),
         ("nc", "G21", "G20"),
-        ("nc", "M4 S0", "M4 S0 B1"),
+        ("nc", "M4 S0", "M4 S0 D1"),
         ("plt", "PD8005,240", "PD8006,240"),
         ("plt", "PD8000,800;\n", ""),
         ("plt", "PU240", "PD240"),
@@ -291,15 +315,7 @@ fn programs_are_right_from_every_corner_and_with_a_z_axis() {
             assert_eq!(extents.min.y < 0.0, corner.starts_with("upper") != invert);
         }
     }
-    // A machine of one's own, with a Z axis.
-    let folder = tempfile::tempdir().unwrap();
-    let knife = MACHINES.iter().find(|it| it.name == "drag-knife-a3").unwrap().text;
-    let (before, rest) = knife.split_once("[head.servo]").unwrap();
-    let after = &rest[rest.find("[knife]").unwrap()..];
-    let own = format!("{before}[head.z]\nup = 5\ndown = -0.4\nplunge = 300\ndwell = 0.1\n\n{after}");
-    std::fs::write(folder.path().join("router.toml"), own.replace("down = 65", "down = -0.1")).unwrap();
-    let (material, machine) = (DeTable::parse("").unwrap(), DeTable::parse("profile = \"router.toml\"").unwrap());
-    let profiles = Profiles::load(folder.path(), material.get_ref(), machine.get_ref()).unwrap();
+    let profiles = with_z_axis("");
     let job = Job::new(&profiles);
     let files = job.files(&profiles);
     let checks = verify(&files, &job.nouns(), &profiles);
@@ -319,6 +335,22 @@ fn plots_hold_one_pair_per_command() {
     }
 }
 
+#[test]
+fn plots_set_speed_and_force_where_that_is_asked_for() {
+    let keys =
+        "profile = \"vinyl-cutter\"\nvelocity = true\n[tools.cut-outside]\nforce = 80\n[tools.engrave]\nforce = 20";
+    let profiles = profiles("", keys);
+    let job = Job::new(&profiles);
+    let files = job.files(&profiles);
+    assert!(verify(&files, &job.nouns(), &profiles).iter().all(|it| it.ok));
+    let plot = text(files.iter().find(|it| it.path == "sheets/sheet-01.plt").unwrap());
+    // 6000 mm/min with the pen, 3000 with the blade.
+    let at = |word: &str| plot.find(word).unwrap_or_else(|| panic!("no {word}"));
+    assert!(at("VS10;\n") < at("FS20;\n") && at("FS20;\n") < at("VS5;\n") && at("VS5;\n") < at("FS80;\n"));
+    assert_eq!(plot.matches("VS").count(), 2);
+    assert_eq!(plot.matches("FS").count(), 2);
+}
+
 /// Routed, written, read back and carried out by a model of the tool: what comes out is the layout.
 #[test]
 fn the_replayed_tool_cuts_what_the_layout_says() {
@@ -328,15 +360,14 @@ fn the_replayed_tool_cuts_what_the_layout_says() {
         ("", "profile = \"drag-knife-a3\"\narcs = false".to_owned()),
         ("", "profile = \"drag-knife-a3\"\norigin = \"upper-right\"\ninvert_y = true".to_owned()),
         ("", "profile = \"drag-knife-a3\"\ndialect = \"marlin\"".to_owned()),
+        ("", TANGENTIAL.to_owned()),
         ("", "profile = \"pen-plotter\"".to_owned()),
         ("profile = \"plywood-3mm\"", "profile = \"laser-co2\"".to_owned()),
         ("profile = \"plywood-3mm\"", format!("profile = \"laser-co2\"\n{bridged}")),
         ("profile = \"felt-3mm\"", "profile = \"laser-co2\"\ninvert_y = true\norigin = \"upper-left\"".to_owned()),
     ] {
         let profiles = profiles(material, &machine);
-        let mut job = Job::new(&profiles);
-        let cx = Cx { seed: 0, monitor: Monitor::silent(), kept: None, keep: &|_| () };
-        job.toolpaths = RouteStage::default().run(&job.sheets, &profiles.machine, &cx).unwrap();
+        let job = routed(&profiles);
         let files = job.files(&profiles);
         for check in verify(&files, &job.nouns(), &profiles) {
             assert!(check.ok, "{material} {machine}: {check:?}");
@@ -357,13 +388,62 @@ fn the_replayed_tool_cuts_what_the_layout_says() {
         ("profile = \"laser-co2\"", "profile = \"laser-co2\"\ntools.cut-inside.kerf = 0.5"),
     ] {
         let (made, cut) = (profiles("", made), profiles("", cut));
-        let mut job = Job::new(&made);
-        let cx = Cx { seed: 0, monitor: Monitor::silent(), kept: None, keep: &|_| () };
-        job.toolpaths = RouteStage::default().run(&job.sheets, &made.machine, &cx).unwrap();
+        let job = routed(&made);
         let files = job.files(&made);
         assert!(simulate(&files, &job.nouns(), &made).iter().all(|it| it.ok));
         assert!(simulate(&files, &job.nouns(), &cut).iter().all(|it| !it.ok));
     }
+}
+
+/// The blade looks where it goes: it turns by small angles on the way, by larger ones in place, by sharp ones lifted.
+#[test]
+fn a_tangential_knife_follows_the_outline() {
+    let profiles = profiles("", TANGENTIAL);
+    let job = routed(&profiles);
+    let program = job.files(&profiles).into_iter().find(|it| it.path == "sheets/sheet-01.nc").unwrap();
+    let (mut at, mut angle, mut down, mut rapid, mut checked) = ([0.0; 2], 0.0_f64, false, true, 0);
+    let by_blade = text(&program).split_once("tool 2)").unwrap().1;
+    for line in by_blade.lines().skip(1).filter(|it| !it.starts_with('(')) {
+        let (before, old) = (at, angle);
+        for word in line.split(' ') {
+            let value: f64 = word[1..].parse().unwrap();
+            match (&word[..1], value as i32) {
+                ("G", code @ (0 | 1)) => rapid = code == 0,
+                ("X", _) => at[0] = value,
+                ("Y", _) => at[1] = value,
+                ("C", _) => angle = value,
+                ("S", s) => down = s > 50,
+                _ => {}
+            }
+        }
+        let (dx, dy) = (at[0] - before[0], at[1] - before[1]);
+        if down {
+            assert!((angle - old).abs() <= 20.0, "`{line}` turns the lowered blade by {}°", angle - old);
+            assert!(!rapid || dx == 0.0 && dy == 0.0, "{line}");
+        }
+        // Rounded ends of a short line say little about its direction.
+        if down && dx.hypot(dy) > 0.2 {
+            let off = dy.atan2(dx).to_degrees() - angle;
+            let off = off - 360.0 * (off / 360.0).round();
+            assert!(off.abs() < 0.5, "`{line}` is cut {off}° askew");
+            checked += 1;
+        }
+    }
+    assert!(checked > 100, "{checked}");
+}
+
+#[test]
+fn a_trailing_blade_swivels_on_the_surface_where_that_is_asked_for() {
+    let profiles = with_z_axis("lift = 30");
+    let job = routed(&profiles);
+    let files = job.files(&profiles);
+    for check in verify(&files, &job.nouns(), &profiles).iter().chain(&simulate(&files, &job.nouns(), &profiles)) {
+        assert!(check.ok, "{check:?}");
+    }
+    let program = text(files.iter().find(|it| it.path == "sheets/sheet-02.nc").unwrap()).to_owned();
+    let swivels = program.matches("G1 Z0.000 F300\nG4 P0.1\nG").count();
+    // Four corners of the tongue, the first again at the end of the way round; the first alignment leaves it askew.
+    assert!((4..=6).contains(&swivels), "{swivels}\n{program}");
 }
 
 #[test]

@@ -12,6 +12,7 @@ mod machine;
 mod meshes;
 mod pieces;
 mod plain;
+mod ports;
 mod registry;
 mod send;
 mod streamed;

@@ -21,7 +21,7 @@ use crate::{
         hand::{Hand, drive},
         marlin::MarlinBoard,
     },
-    strokes::{expected, machine, polygons, same},
+    strokes::{expected, machine, once_or_doubted, polygons, same},
 };
 
 type Sent = (Result<(), SendError>, Vec<String>);
@@ -76,7 +76,7 @@ fn marlin() -> Machine {
 }
 
 /// The polygons in Marlin's words.
-fn marlin_polygons(count: usize) -> String {
+pub(crate) fn marlin_polygons(count: usize) -> String {
     let text = polygons(count, 12, 12.0).replace("G21 G90 G94 G17 G54", "G21\nG90");
     text.replace("M3 S", "M400\nM280 P0 S").replace("G4 P", "G4 S").replace("M2\n", "M400\n")
 }
@@ -122,7 +122,7 @@ fn an_answer_lost_by_a_marlin_board_is_asked_for_again_and_nothing_is_cut_twice(
 }
 
 #[test]
-fn marlin_faults_end_with_the_tool_up_and_a_message() {
+fn marlin_faults_end_with_the_tool_up_and_a_message_and_can_be_resumed() {
     let (machine, program) = (marlin(), marlin_polygons(6));
     let (begin, end) = {
         let board = fresh();
@@ -156,34 +156,35 @@ fn marlin_faults_end_with_the_tool_up_and_a_message() {
             let (result, _) = to_marlin(&board, &program, &machine, PLAIN, Some(&journal), stop);
             let Err(SendError::Fault { fault, aborted }) = result else { panic!("{name} {round}: {result:?}") };
             assert!(fault.to_string().contains(words), "{name}: {fault}");
-            if name == "unplugged" {
-                continue;
+            if name != "unplugged" {
+                assert!(!board.borrow().down && !board.borrow().moving(), "{name} {round}");
             }
-            assert!(!board.borrow().down && !board.borrow().moving(), "{name} {round}");
             if name == "interrupt" {
                 assert!(aborted.tool_off, "{round}");
                 latest = latest.max(board.borrow().switched.last().unwrap() - at);
             }
-            if name == "interrupt" {
-                board.borrow_mut().faults = Default::default();
-                // Whoever sets the zero brings the head there first.
-                let (refused, _) = to_marlin(
-                    &board,
-                    &program,
-                    &machine,
-                    Wishes { resume: true, ..PLAIN },
-                    Some(&journal),
-                    f64::INFINITY,
-                );
-                assert!(matches!(refused, Err(SendError::Refused(_))), "{name}: {refused:?}");
+            {
+                let mut board = board.borrow_mut();
+                let now = board.now();
+                board.advance(now + 10.0);
+                board.faults = Default::default();
             }
+            let resume = |wishes: Wishes| {
+                let wishes = Wishes { resume: true, ..wishes };
+                to_marlin(&board, &program, &machine, wishes, Some(&journal), f64::INFINITY)
+            };
+            // A sudden stop loses steps.
+            assert!(matches!(resume(PLAIN).0, Err(SendError::Refused(_))), "{name} {round}");
+            let (result, told) = resume(Wishes { home: true, ..PLAIN });
+            result.unwrap_or_else(|err| panic!("{name} {round}: {err}"));
+            once_or_doubted(&expected(&program, &machine), &board.borrow().strokes, &told, name);
         }
     }
     println!("marlin: tool up {latest:.2} s after an interrupt at the latest");
     assert!(latest < 2.5, "{latest}");
 }
 
-fn plot(count: usize) -> String {
+pub(crate) fn plot(count: usize) -> String {
     let units = |it: f64| (it * 40.0).round();
     let mut text = String::from("IN;PA;SP1;");
     for i in 0..count {
@@ -202,7 +203,7 @@ fn cutter_machine(flow: &str) -> Machine {
 }
 
 /// The strokes of a plot as they are meant.
-fn meant(text: &str) -> Vec<Vec<[f64; 2]>> {
+pub(crate) fn meant(text: &str) -> Vec<Vec<[f64; 2]>> {
     let drawing = fabricate::import::read_hpgl(text).unwrap();
     let closed = |it: &fabricate::import::DrawnLine| {
         let points = it.points.iter().chain(it.closed.then(|| &it.points[0]));
@@ -215,9 +216,12 @@ fn meant(text: &str) -> Vec<Vec<[f64; 2]>> {
 fn plots_arrive_whole_under_every_flow_control() {
     let text = plot(8);
     let want = meant(&text);
-    for (name, flow, size, slower) in
-        [("none", Flow::None, 1024, 1.15), ("xon-xoff", Flow::XonXoff, 128, 2.0), ("esc-b", Flow::EscB, 128, 2.0)]
-    {
+    for (name, flow, size, slower) in [
+        ("none", Flow::None, 1024, 1.15),
+        ("xon-xoff", Flow::XonXoff, 128, 2.0),
+        ("rts-cts", Flow::RtsCts, 128, 2.0),
+        ("esc-b", Flow::EscB, 128, 2.0),
+    ] {
         let machine = cutter_machine(name);
         let board = Rc::new(RefCell::new(Cutter::new(flow, size).slower(slower)));
         let (result, _) = to_cutter(&board, &text, &machine, PLAIN, None, f64::INFINITY);

@@ -6,6 +6,8 @@ pub mod path;
 mod program;
 mod words;
 
+/// What the time of a program is reckoned with.
+pub use crate::geom::motion;
 use path::{Arc, Move, Point};
 pub use program::{Program, Stroke, ends, marks, points, read_gcode};
 pub use words::{LineError, bare, comment};

@@ -107,6 +107,6 @@ pub(super) fn known(word: &Word) -> bool {
     match word.letter {
         b'G' => KNOWN_G.contains(&code(word)),
         b'M' => KNOWN_M.contains(&code(word)),
-        other => b"XYZIJKRPLSFT".contains(&other),
+        other => b"XYZABCIJKRPLSFT".contains(&other),
     }
 }

@@ -16,7 +16,12 @@ pub struct Knife {
     pub offset: f64,
     /// How far a closed contour is cut past its start, mm, because the blade needs a way to come into line.
     pub overcut: f64,
+    /// Corners that turn by more than this are turned with the blade lifted, rad; `None` where it never is.
+    pub lift: Option<f64>,
 }
+
+/// A way of the axis, and whether the blade cuts along it or only turns, with its tip on the surface.
+pub(super) type Led = (ArcPath, bool);
 
 /// Length of each leg of the alignment over the offset: a blade that lies across is then within 0.04° of the way
 /// (tan(x/2) = e^(−8), see [`crate::geom::arcs::trail`]).
@@ -35,6 +40,35 @@ impl Knife {
         let second = first + Vec2::new(inward.x * leg, 0.0);
         let direction = Vec2::new(0.0, inward.y);
         Some((ArcPath::straight(vec![first, second, second + direction * leg]), direction))
+    }
+
+    /// As [`Self::lead`], with the blade lifted where the way turns sharply: a trailing one swivels there on the surface.
+    pub(super) fn led(&self, tip: &ArcPath, closed: bool, before: Option<Vec2>) -> (Vec<Led>, Option<Vec2>) {
+        let Some(lift) = self.lift else {
+            let (axis, after) = self.lead(tip, closed, before);
+            return (vec![(axis, true)], after);
+        };
+        let mut tip = tip.deduplicated();
+        if closed {
+            tip.append(&tip.part(0.0, self.overcut));
+        }
+        let mut blade = before;
+        let mut ways = Vec::new();
+        for piece in tip.split(lift) {
+            let (at, direction) = (piece.points[0], piece.directions(0).0);
+            if let Some(old) = blade {
+                let turn = cross2(old, direction).atan2(old.dot(&direction));
+                if turn.abs() > SMOOTH {
+                    let ends = [old, direction].map(|it| at + it * self.offset);
+                    ways.push((ArcPath { points: ends.to_vec(), bulges: vec![(turn / 4.0).tan()] }, false));
+                    blade = Some(direction);
+                }
+            }
+            let (axis, after) = self.lead(&piece, false, blade);
+            ways.push((axis, true));
+            blade = after;
+        }
+        (ways, blade)
     }
 
     /// The way of the axis for a way of the tip, and the direction of the blade at its end. A closed way repeats its first
@@ -109,7 +143,7 @@ mod tests {
     fn the_tip_traces_the_outline() {
         let outline =
             path(&[[0., 0.], [30., 0.], [30., 5.], [12., 6.], [29., 9.], [15., 25.], [13., 25.2], [0., 20.], [0., 0.]]);
-        let knife = Knife { offset: 0.25, overcut: 0.5 };
+        let knife = Knife { offset: 0.25, overcut: 0.5, lift: None };
         let trace = drag(&knife.lead(&outline, true, None).0, 0.25, Vec2::x());
         let outline = outline.points;
         assert!(farthest(&trace, &outline) < 0.002, "the blade leaves the outline by {}", farthest(&trace, &outline));
@@ -125,7 +159,7 @@ mod tests {
             .collect();
         points.extend([[4.0, -10.0], [28.0, -10.0]].map(|[x, y]| Vec2::new(x, y)));
         let tip = fit(&points, true, 0.005, 0.01);
-        let axis = Knife { offset: 0.25, overcut: 0.5 }.lead(&tip, true, None).0;
+        let axis = Knife { offset: 0.25, overcut: 0.5, lift: None }.lead(&tip, true, None).0;
         assert!(axis.bulges.len() < 16, "{axis:?}");
         let (first, _) = tip.directions(0);
         let trace = drag(&axis, 0.25, first);
@@ -137,18 +171,18 @@ mod tests {
     #[test]
     fn blades_that_start_askew_close_the_contour_by_the_overcut() {
         let square = path(&[[0., 0.], [20., 0.], [20., 20.], [0., 20.], [0., 0.]]);
-        let knife = Knife { offset: 0.25, overcut: 1.0 };
+        let knife = Knife { offset: 0.25, overcut: 1.0, lift: None };
         let trace = drag(&knife.lead(&square, true, None).0, 0.25, Vec2::y());
         let tail = trace[trace.len() - 1];
         assert!((tail - Vec2::new(1.0, 0.0)).norm() < 0.01, "{tail}");
         assert!(farthest(&square.points, &trace) < 0.1);
-        let none = Knife { offset: 0.0, overcut: 0.0 };
+        let none = Knife { offset: 0.0, overcut: 0.0, lift: None };
         assert_eq!(none.lead(&square, true, None).0, square);
     }
 
     #[test]
     fn a_blade_that_is_known_lands_on_the_outline() {
-        let knife = Knife { offset: 0.25, overcut: 0.5 };
+        let knife = Knife { offset: 0.25, overcut: 0.5, lift: None };
         let (way, direction) = knife.alignment(Vec2::zeros(), Vec2::new(1.0, 1.0), 5.0).unwrap();
         assert!(way.points.iter().all(|p| p.min() > 0.0 && p.max() < 5.0));
         let askew = Vec2::new(-0.3, -0.954).normalize();
@@ -161,5 +195,29 @@ mod tests {
         let trace = drag(&axis, 0.25, direction);
         assert!(farthest(&trace, &square.points) < 0.001, "{}", farthest(&trace, &square.points));
         assert!((after.unwrap() - Vec2::x()).norm() < 1e-12);
+    }
+
+    #[test]
+    fn lifted_corners_are_swivelled_on_the_surface_and_cut_to_the_point() {
+        let knife = Knife { offset: 0.25, overcut: 0.5, lift: Some(0.5) };
+        let wedge = path(&[[0., 0.], [30., 0.], [2., 3.], [30., 25.], [29., 26.], [0., 0.]]);
+        let (ways, after) = knife.led(&wedge, true, Some(Vec2::y()));
+        // Five corners, one of them at the start, each with a swivel before its piece, and the overcut behind the last.
+        assert_eq!(ways.iter().filter(|it| !it.1).count(), 6);
+        assert!((after.unwrap() - Vec2::x()).norm() < 1e-12);
+        let mut trace = Vec::new();
+        let mut behind = -Vec2::y() * 0.25;
+        for (way, cuts) in &ways {
+            let lead = way.chords(1e-4);
+            let tips = trail(&lead, 0.25, lead[0] + behind, 0.01);
+            behind = tips[tips.len() - 1] - lead[lead.len() - 1];
+            if *cuts {
+                trace.extend(tips);
+            } else {
+                let still = farthest(&tips, &[tips[0], tips[0]]);
+                assert!(still < 1e-3, "the tip stays where it is while it turns: {still}");
+            }
+        }
+        assert!(farthest(&wedge.points, &trace) < 1e-3 && farthest(&trace, &wedge.points) < 1e-3);
     }
 }

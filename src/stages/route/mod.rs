@@ -1,7 +1,8 @@
 //! Sheets → toolpaths: what is done in which order, from where, and how long it takes.
 //!
-//! Marks come first, each operation in the machine's order; then the cuts, every contour before the one that encloses it
-//! (holes before outlines, and parts that lie in a hole before that hole), because a part that has come free may move.
+//! Operations come in the machine's order of work: usually all marks and then the cuts, because a part that has come free
+//! may move. Of cuts, every contour comes before the one that encloses it (holes before outlines, and parts that lie in a
+//! hole before that hole).
 //! Within that freedom travel is made short (`order`). Lines become as few straight stretches and arcs as a tolerance
 //! allows (`geom::arcs`); cuts lie beside their outline, are entered from the waste and may leave webs (`shape`); a
 //! trailing blade is led by its axis (`knife`).
@@ -22,6 +23,7 @@ use crate::{
     geom::{
         Vec2,
         arcs::{ArcPath, fit},
+        polyline_length,
     },
     model::{Operation, Part, SheetPaths, Sheets, Toolpath, Toolpaths},
     numeric::{Cancelled, Monitor},
@@ -168,6 +170,8 @@ struct Line {
     operation: Operation,
     part: String,
     path: ArcPath,
+    /// Whether the part, or what is in its hole, comes free by it.
+    frees: bool,
     item: Item,
 }
 
@@ -175,7 +179,7 @@ struct Line {
 fn lines(parts: &[Part], options: &Options, uncompensated: &mut Vec<String>) -> Vec<Line> {
     let mut lines = Vec::new();
     for part in parts {
-        let mut add = |operation, points: &[Vec2], closed| {
+        let mut add = |operation, points: &[Vec2], closed, frees| {
             let path = fit(points, closed, options.tolerance, options.arcs);
             // A contour must stay one, however small it is.
             let path =
@@ -185,10 +189,10 @@ fn lines(parts: &[Part], options: &Options, uncompensated: &mut Vec<String>) -> 
                 corners.pop();
             }
             let item = Item { points: corners, closed, inside: None };
-            lines.push(Line { operation, part: part.name.clone(), path, item });
+            lines.push(Line { operation, part: part.name.clone(), path, frees, item });
         };
         for mark in &part.marks {
-            add(mark.operation, &mark.points, mark.closed);
+            add(mark.operation, &mark.points, mark.closed, false);
         }
         for (k, contour) in part.contours.iter().enumerate() {
             let operation = if k == 0 { Operation::CutOutside } else { Operation::CutInside };
@@ -197,23 +201,22 @@ fn lines(parts: &[Part], options: &Options, uncompensated: &mut Vec<String>) -> 
             if ways.is_empty() {
                 let at = contour[0];
                 uncompensated.push(format!("hole {k} of part {} near ({:.1}, {:.1})", part.name, at.x, at.y));
-                add(operation, contour, true);
+                add(operation, contour, true, true);
             }
-            ways.iter().for_each(|it| add(operation, it, true));
+            // Bays that the cut closes off are cut as well, but only waste comes free there.
+            let lengths = ways.iter().map(|it| polyline_length(it, true));
+            let longest = lengths.enumerate().max_by(|a, b| a.1.total_cmp(&b.1)).map(|it| it.0);
+            ways.iter().enumerate().for_each(|(k, it)| add(operation, it, true, longest == Some(k)));
         }
     }
     lines
 }
 
-/// Operations done together, in turn: every mark on its own, then all cuts at once, ordered by what encloses what.
+/// Operations done together, in turn: every mark on its own; cuts that follow each other in the order of work at once,
+/// ordered by what encloses what.
 fn phases(options: &Options) -> Vec<Vec<Operation>> {
-    let operations = || options.tools.iter().map(|it| it.operation);
-    let mut phases: Vec<Vec<Operation>> = operations().filter(|it| !it.is_cut()).map(|it| vec![it]).collect();
-    let cuts: Vec<Operation> = operations().filter(|it| it.is_cut()).collect();
-    if !cuts.is_empty() {
-        phases.push(cuts);
-    }
-    phases
+    let operations: Vec<Operation> = options.tools.iter().map(|it| it.operation).collect();
+    operations.chunk_by(|a, b| a.is_cut() && b.is_cut()).map(<[Operation]>::to_vec).collect()
 }
 
 fn left_out(sheets: &Sheets, options: &Options) -> Vec<(Operation, usize)> {
@@ -232,6 +235,7 @@ struct Way {
     operation: Operation,
     part: String,
     path: ArcPath,
+    frees: bool,
     closed: bool,
 }
 
@@ -243,7 +247,7 @@ fn walk(line: &Line, visit: &Visit) -> Way {
         (false, 0) => path,
         (false, _) => path.reversed(),
     };
-    Way { operation: line.operation, part: line.part.clone(), path, closed: line.item.closed }
+    Way { operation: line.operation, part: line.part.clone(), path, frees: line.frees, closed: line.item.closed }
 }
 
 /// Open lines of one part that follow each other without a gap become one.
@@ -278,7 +282,7 @@ fn run(way: &Way, tool: &Tool, mut knife: Option<(Knife, &mut Option<Vec2>)>, wa
     };
     for (group, passes) in tool.passes.chunk_by(|a, b| a == b).enumerate() {
         let depth = passes[0];
-        let webs = tool.bridges.filter(|it| way.closed && way.operation.is_cut() && depth > it.below);
+        let webs = tool.bridges.filter(|it| way.closed && way.frees && depth > it.below);
         let mut rounds = match webs {
             Some(it) => vec![shape::bridged(&way.path, it.count, it.width + tool.kerf); passes.len()],
             None if way.closed => {
@@ -301,17 +305,13 @@ fn run(way: &Way, tool: &Tool, mut knife: Option<(Knife, &mut Option<Vec2>)>, wa
                 let back = !way.closed && !drags && (group + k) % 2 == 1;
                 let path = std::mem::take(path);
                 let path = if back { path.reversed() } else { path };
-                add(
-                    match &mut knife {
-                        None => path,
-                        Some((knife, blade)) => {
-                            let (axis, after) = knife.lead(&path, whole, **blade);
-                            **blade = after;
-                            axis
-                        }
-                    },
-                    depth,
-                );
+                let Some((knife, blade)) = &mut knife else {
+                    add(path, depth);
+                    continue;
+                };
+                let (ways, after) = knife.led(&path, whole, **blade);
+                **blade = after;
+                ways.into_iter().for_each(|(axis, cuts)| add(axis, if cuts { depth } else { 0.0 }));
             }
         }
     }

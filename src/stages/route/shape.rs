@@ -1,6 +1,9 @@
 //! The shape of a cut: beside the outline by half its width, entered and left from the waste, with webs left standing.
 use crate::{
-    geom::{Vec2, arcs::ArcPath, boolean::offset, polygon::contains, segment_tree::SegmentTree, signed_area},
+    geom::{
+        Vec2, arcs::ArcPath, boolean::offset, polygon::contains, polyline_length, segment_tree::SegmentTree,
+        signed_area,
+    },
     model::Part,
 };
 
@@ -12,6 +15,8 @@ const TRIALS: usize = 24;
 const SPARSE: f64 = 4.0;
 /// Share of a lead at the contact that is not looked at: there it runs along the cut.
 const CONTACT: f64 = 0.05;
+/// A way round that is shorter is where the cut from either side of a gap just meets, mm; rounding leaves nothing of it.
+const LEAST_WAY: f64 = 0.01;
 /// Least step along a lead, mm, so that the search ends.
 const LEAST_STEP: f64 = 1e-3;
 
@@ -55,6 +60,7 @@ pub(super) fn beside(contour: &[Vec2], kerf: f64) -> Vec<Vec<Vec2>> {
     }
     let grown = offset(&[region], if outline { kerf / 2.0 } else { -kerf / 2.0 });
     let mut ways: Vec<Vec<Vec2>> = grown.into_iter().flatten().collect();
+    ways.retain(|it| polyline_length(it, true) > LEAST_WAY);
     if !outline {
         ways.iter_mut().for_each(|it| it.reverse());
     }

@@ -6,7 +6,7 @@ use super::{Bridges, Dynamics, Knife, Options, RouteError, Tool, route};
 use crate::{
     geom::Vec2,
     model::{Sheets, Toolpaths},
-    profile::{Head, Length, Machine, MachineKind, Profiles},
+    profile::{Head, Length, Machine, Profiles},
     stage::{Check, Cx, KeyError, Section, Stage},
 };
 
@@ -31,7 +31,7 @@ impl Default for RouteStage {
 
 impl Stage for RouteStage {
     const NAME: &'static str = "route";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     type Input = Sheets;
     type Output = Toolpaths;
     /// Feeds, speeds and the blade; all of it is read.
@@ -79,11 +79,8 @@ impl Stage for RouteStage {
 
 impl RouteStage {
     fn options(&self, machine: &Machine) -> Options {
-        // The blade is the tool that cuts; other tools of the same machine (pens, creasers) do not trail.
-        let blade = machine.tools.get(crate::model::Operation::CutOutside).map(|it| it.number);
         let tool = |operation| {
             let tool = machine.tools.get(operation)?;
-            let blade = machine.kind == MachineKind::DragKnife && Some(tool.number) == blade;
             let full = match machine.head {
                 Head::Z { down, .. } => tool.down.unwrap_or(down).abs(),
                 _ => 0.0,
@@ -99,7 +96,7 @@ impl RouteStage {
                 operation,
                 feed: tool.feed / 60.0,
                 passes: (1..=n).map(depth).collect(),
-                blade,
+                blade: machine.is_blade(tool),
                 kerf: tool.kerf.mm,
                 lead: tool.lead.mm,
                 bridges,
@@ -117,7 +114,11 @@ impl RouteStage {
             home: machine.from_work(Vec2::zeros(), Vec2::new(1.0, 1.0)),
             tolerance: self.tolerance.mm,
             arcs: if machine.arcs { self.arcs.mm } else { 0.0 },
-            knife: machine.knife.map(|it| Knife { offset: it.offset.mm, overcut: it.overcut.mm }),
+            knife: machine.knife.map(|it| Knife {
+                offset: it.offset.mm,
+                overcut: it.overcut.mm,
+                lift: it.lift.map(f64::to_radians),
+            }),
             dynamics: Dynamics { rapid: machine.rapid / 60.0, acceleration: machine.acceleration, lift },
         }
     }

@@ -166,7 +166,7 @@ fn a_point_outside_the_bed_is_refused_with_its_place() {
 #[test]
 fn blades_are_led_only_where_they_cut() {
     let mut knife = options();
-    knife.knife = Some(Knife { offset: 0.25, overcut: 0.5 });
+    knife.knife = Some(Knife { offset: 0.25, overcut: 0.5, lift: None });
     for tool in knife.tools.iter_mut().filter(|it| it.operation.is_cut()) {
         tool.blade = true;
     }
@@ -260,4 +260,18 @@ fn nested_rings_are_known_and_kept_in_order() {
     for (i, item) in items.iter().enumerate() {
         assert!(item.inside.is_none_or(|outer| place(i) < place(outer)));
     }
+}
+
+#[test]
+fn cuts_come_where_the_order_of_work_has_them() {
+    let mut options = options();
+    let rank = |it: &Tool| {
+        [Operation::CutInside, Operation::Text, Operation::CutOutside].iter().position(|o| *o == it.operation)
+    };
+    options.tools.retain(|it| rank(it).is_some());
+    options.tools.sort_by_key(rank);
+    let job = run(&options);
+    let mut order: Vec<Operation> = job.sheets[0].paths.iter().map(|it| it.operation).collect();
+    order.dedup();
+    assert_eq!(order, [Operation::CutInside, Operation::Text, Operation::CutOutside]);
 }

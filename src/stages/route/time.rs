@@ -1,5 +1,8 @@
-//! How long toolpaths take on a machine with limited acceleration, planned as boards of the GRBL family plan.
-use crate::geom::Vec2;
+//! How long toolpaths take on a machine with limited acceleration.
+use crate::geom::{
+    Vec2,
+    motion::{Block, corner_speed, plan, trapezoid},
+};
 
 /// How far a corner may be cut in the model of the junction speed, mm: GRBL's default (`$11`).
 const JUNCTION_DEVIATION: f64 = 0.01;
@@ -18,41 +21,21 @@ pub struct Dynamics {
 impl Dynamics {
     /// Seconds for a straight move with the tool lifted.
     pub(super) fn travel(&self, length: f64) -> f64 {
-        self.segment(length, self.rapid, 0.0, 0.0)
+        trapezoid(length, 0.0, self.rapid, 0.0, self.acceleration)
     }
 
-    /// Seconds along a polyline at `feed` mm/s, from rest to rest: speeds at corners are limited by the angle (Jeon, "Improving
-    /// Grbl: Cornering Algorithm", 2011) and by what acceleration allows over the neighbouring segments, forwards and back.
+    /// Seconds along a polyline at `feed` mm/s, from rest to rest.
     pub(super) fn along(&self, points: &[Vec2], feed: f64) -> f64 {
-        let moves: Vec<Vec2> = points.windows(2).map(|w| w[1] - w[0]).filter(|it| it.norm() > 0.0).collect();
-        let mut speed = vec![0.0; moves.len() + 1];
-        for k in 1..moves.len() {
-            speed[k] = self.junction(moves[k - 1], moves[k]).min(feed);
-        }
-        let reach = |from: f64, length: f64| (from * from + 2.0 * self.acceleration * length).sqrt();
-        for k in 1..=moves.len() {
-            speed[k] = speed[k].min(reach(speed[k - 1], moves[k - 1].norm()));
-        }
-        for k in (0..moves.len()).rev() {
-            speed[k] = speed[k].min(reach(speed[k + 1], moves[k].norm()));
-        }
-        moves.iter().enumerate().map(|(k, it)| self.segment(it.norm(), feed, speed[k], speed[k + 1])).sum()
-    }
-
-    /// Greatest speed through a corner: that of a circle which leaves the corner by the junction deviation.
-    fn junction(&self, a: Vec2, b: Vec2) -> f64 {
-        // Half the angle between the legs of the corner: a quarter turn for a straight line, 0 for a way back.
-        let half = ((1.0 - a.dot(&b) / (a.norm() * b.norm())) / 2.0).max(0.0).sqrt();
-        let sine = (1.0 - half * half).max(0.0).sqrt();
-        if sine >= 1.0 { f64::INFINITY } else { (self.acceleration * JUNCTION_DEVIATION * sine / (1.0 - sine)).sqrt() }
-    }
-
-    /// Seconds of a move that enters and leaves at given speeds: accelerate, cruise, brake.
-    fn segment(&self, length: f64, cruise: f64, enter: f64, leave: f64) -> f64 {
-        let a = self.acceleration;
-        let peak = ((2.0 * a * length + enter * enter + leave * leave) / 2.0).sqrt().min(cruise.max(enter).max(leave));
-        let ramps = ((peak * peak - enter * enter) + (peak * peak - leave * leave)) / (2.0 * a);
-        (2.0 * peak - enter - leave) / a + if peak > 0.0 { (length - ramps).max(0.0) / peak } else { 0.0 }
+        let mut before: Option<Vec2> = None;
+        let mut block = |it: Vec2| {
+            let (length, direction) = (it.norm(), it.normalize());
+            let corner = |last: Vec2| corner_speed(last.dot(&direction), self.acceleration, JUNCTION_DEVIATION);
+            let entry = before.replace(direction).map_or(0.0, corner);
+            Block { length, nominal: feed, acceleration: self.acceleration, entry }
+        };
+        let moves = points.windows(2).map(|w| w[1] - w[0]).filter(|it| it.norm() > 0.0);
+        let blocks: Vec<Block> = moves.map(&mut block).collect();
+        plan(&blocks, 0.0, blocks.len()).0.iter().sum()
     }
 }
 

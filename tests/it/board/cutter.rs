@@ -19,6 +19,7 @@ pub(crate) struct Cutter {
     at: [f64; 2],
     ready: Vec<u8>,
     deaf_at: Option<f64>,
+    pub(crate) unplug_at: Option<f64>,
     // Books.
     pub(crate) overrun: usize,
     pub(crate) down: bool,
@@ -41,6 +42,7 @@ impl Cutter {
             at: [0.0; 2],
             ready: Vec::new(),
             deaf_at: None,
+            unplug_at: None,
             overrun: 0,
             down: false,
             strokes: Vec::new(),
@@ -172,6 +174,10 @@ impl Device for Cutter {
     }
 
     fn plugged(&self) -> bool {
-        true
+        self.unplug_at.is_none_or(|it| self.t < it)
+    }
+
+    fn holds(&self) -> bool {
+        self.flow == Flow::RtsCts && self.buffer.len() > self.size * 3 / 4
     }
 }

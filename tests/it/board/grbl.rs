@@ -30,6 +30,8 @@ pub(crate) struct Faults {
     pub(crate) deaf_at: Option<f64>,
     /// A limit switch fires.
     pub(crate) alarm_at: Option<f64>,
+    /// A line runs into a soft limit: it is answered only after the reset.
+    pub(crate) soft_limit_at: Option<f64>,
     /// The power dips.
     pub(crate) reset_at: Option<f64>,
     pub(crate) unplug_at: Option<f64>,
@@ -946,6 +948,10 @@ impl GrblBoard {
         if due(self.config.faults.alarm_at) {
             self.config.faults.alarm_at = None;
             self.alarm(1, true);
+        }
+        if due(self.config.faults.soft_limit_at) {
+            self.config.faults.soft_limit_at = None;
+            self.alarm(2, true);
         }
         if due(self.config.faults.reset_at) {
             self.config.faults.reset_at = None;

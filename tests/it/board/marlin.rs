@@ -32,6 +32,8 @@ pub(crate) struct MarlinBoard {
     pub(crate) faults: Faults,
     t: f64,
     boot: f64,
+    /// Seconds from the opening of the port to its first word.
+    pub(crate) starts_in: f64,
     started: bool,
     dead: bool,
     line: Vec<u8>,
@@ -41,7 +43,9 @@ pub(crate) struct MarlinBoard {
     busy_told: f64,
     queue: VecDeque<Block>,
     running: f64,
+    /// Where the board thinks the head is, and how far off that is.
     at: [f64; 2],
+    slip: [f64; 2],
     planned: [f64; 2],
     feed: f64,
     rapid: f64,
@@ -63,6 +67,7 @@ impl MarlinBoard {
             faults: Faults::default(),
             t: 0.0,
             boot: 1.0,
+            starts_in: 1.0,
             started: false,
             dead: false,
             line: Vec::new(),
@@ -73,6 +78,7 @@ impl MarlinBoard {
             queue: VecDeque::new(),
             running: 0.0,
             at: [0.0; 2],
+            slip: [0.0; 2],
             planned: [0.0; 2],
             feed: 1000.0,
             rapid: 6000.0,
@@ -89,6 +95,11 @@ impl MarlinBoard {
 
     pub(crate) fn moving(&self) -> bool {
         !self.queue.is_empty()
+    }
+
+    /// Where the head really is.
+    fn place(&self) -> [f64; 2] {
+        [0, 1].map(|i| self.at[i] + self.slip[i])
     }
 
     fn say(&mut self, text: &str) {
@@ -109,7 +120,7 @@ impl MarlinBoard {
             self.down = down;
             self.switched.push(self.t);
             if down {
-                self.strokes.push(vec![self.at]);
+                self.strokes.push(vec![self.place()]);
             }
         }
     }
@@ -152,8 +163,16 @@ impl MarlinBoard {
                 self.ok();
             }
             Some(('M', 410)) => {
+                if self.moving() {
+                    // Stopped without slowing down.
+                    self.slip = [self.slip[0] + 0.7, self.slip[1] - 0.4];
+                }
                 self.queue.clear();
                 self.planned = self.at;
+                self.ok();
+            }
+            Some(('G', 28)) => {
+                (self.at, self.planned, self.slip) = Default::default();
                 self.ok();
             }
             Some(('M', 400)) => self.wait = Some(Wait::Motion),
@@ -204,9 +223,10 @@ impl MarlinBoard {
             self.at = block.to;
             self.queue.pop_front();
             if self.down {
+                let place = self.place();
                 let stroke = self.strokes.last_mut().unwrap();
-                if stroke.last() != Some(&self.at) {
-                    stroke.push(self.at);
+                if stroke.last() != Some(&place) {
+                    stroke.push(place);
                 }
             }
         }
@@ -235,9 +255,12 @@ impl MarlinBoard {
     fn start(&mut self) {
         (self.lines, self.line, self.queue, self.wait) = Default::default();
         self.started = false;
-        self.boot = self.t + 1.0;
+        self.boot = self.t + self.starts_in;
         self.expected = 0;
-        self.planned = self.at;
+        // A board that starts takes the place where it stands for its zero.
+        self.slip = self.place();
+        (self.at, self.planned) = Default::default();
+        self.dead = false;
         if self.down {
             self.servo(0.0);
         }

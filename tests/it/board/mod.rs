@@ -26,6 +26,10 @@ pub(crate) trait Device {
     fn output(&mut self) -> Vec<u8>;
     /// Whether the plug is in.
     fn plugged(&self) -> bool;
+    /// Whether it holds its CTS line down: no byte leaves for it.
+    fn holds(&self) -> bool {
+        false
+    }
 }
 
 /// Bytes per second at 115200 baud.
@@ -84,6 +88,10 @@ impl<D: Device> SimWire<D> {
     fn step(&mut self) {
         let mut board = self.board.borrow_mut();
         let to = board.now() + STEP;
+        if board.holds() {
+            self.way.iter_mut().for_each(|it| it.0 += STEP);
+            self.free = self.free.max(to) + STEP;
+        }
         while self.way.front().is_some_and(|it| it.0 <= to) {
             let (_, byte) = self.way.pop_front().unwrap();
             board.receive(byte);
@@ -119,6 +127,10 @@ impl<D: Device> Wire for SimWire<D> {
         if !self.board.borrow().plugged() {
             return Err("Broken pipe".into());
         }
+        // The system's own buffer.
+        if self.board.borrow().holds() && self.way.len() > 4096 {
+            return Ok(0);
+        }
         for &byte in bytes {
             self.free = self.free.max(self.now()) + 1.0 / BYTE_RATE;
             self.way.push_back((self.free, byte));
@@ -129,6 +141,10 @@ impl<D: Device> Wire for SimWire<D> {
     fn discard(&mut self) {
         self.way.clear();
         self.free = self.now();
+    }
+
+    fn waiting(&mut self) -> usize {
+        self.way.len()
     }
 }
 

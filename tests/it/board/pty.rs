@@ -1,6 +1,7 @@
 //! A board behind a pseudo-terminal: a thread that moves bytes and lets the board's time run with the clock.
 use std::{
     io::{Read, Write},
+    os::fd::AsRawFd,
     sync::{
         Arc, Mutex, MutexGuard,
         atomic::{AtomicBool, Ordering},
@@ -9,12 +10,14 @@ use std::{
     time::{Duration, Instant},
 };
 
+use nix::fcntl::{FcntlArg, FdFlag, fcntl};
 use serialport::{SerialPort, TTYPort};
 
 use super::Device;
 
 pub(crate) struct PtyBoard<D: Device + Send + 'static> {
-    board: Arc<Mutex<D>>,
+    /// Until it is taken.
+    board: Option<Arc<Mutex<D>>>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
     pub(crate) port: String,
@@ -26,30 +29,48 @@ impl<D: Device + Send + 'static> PtyBoard<D> {
         let (mut master, slave) = TTYPort::pair().unwrap();
         let port = slave.name().unwrap();
         drop(slave);
+        // A child that inherited this side would keep the cable plugged in.
+        fcntl(master.as_raw_fd(), FcntlArg::F_SETFD(FdFlag::FD_CLOEXEC)).unwrap();
         master.set_timeout(Duration::from_millis(1)).unwrap();
         let board = Arc::new(Mutex::new(board));
         let stop = Arc::new(AtomicBool::new(false));
         let (shared, ended) = (board.clone(), stop.clone());
         let thread = std::thread::spawn(move || serve(master, &shared, &ended, scale));
-        Self { board, stop, thread: Some(thread), port }
+        Self { board: Some(board), stop, thread: Some(thread), port }
     }
 
     pub(crate) fn board(&self) -> MutexGuard<'_, D> {
-        self.board.lock().unwrap()
+        self.board.as_ref().unwrap().lock().unwrap()
+    }
+
+    /// The board without its port.
+    pub(crate) fn take(mut self) -> D {
+        self.end();
+        Arc::into_inner(self.board.take().unwrap()).unwrap().into_inner().unwrap()
+    }
+
+    fn end(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
     }
 
     /// Waits, in the time of the clock, until something holds of the board.
     pub(crate) fn wait(&self, what: &str, holds: impl Fn(&D) -> bool) {
         let began = Instant::now();
         while !holds(&self.board()) {
-            assert!(began.elapsed() < Duration::from_secs(30), "waited in vain: {what}");
+            assert!(began.elapsed() < Duration::from_secs(120), "waited in vain: {what}");
             std::thread::sleep(Duration::from_millis(2));
         }
     }
 }
 
+/// Seconds of the clock that pass for the board in one turn at most.
+const LONGEST_TURN: f64 = 0.01;
+
 fn serve<D: Device>(master: TTYPort, board: &Mutex<D>, stop: &AtomicBool, scale: f64) {
-    let began = Instant::now();
+    let mut turn = Instant::now();
     let mut master = Some(master);
     let mut open = false;
     let mut buffer = [0; 256];
@@ -78,7 +99,10 @@ fn serve<D: Device>(master: TTYPort, board: &Mutex<D>, stop: &AtomicBool, scale:
         for &byte in &buffer[..came] {
             board.receive(byte);
         }
-        let to = began.elapsed().as_secs_f64() * scale;
+        // On a busy computer the board's time goes slower instead of jumping ahead of everybody else's.
+        let passed = turn.elapsed().as_secs_f64().min(LONGEST_TURN);
+        turn = Instant::now();
+        let to = board.now() + passed * scale;
         board.advance(to);
         let out = board.output();
         if !board.plugged() {
@@ -92,9 +116,6 @@ fn serve<D: Device>(master: TTYPort, board: &Mutex<D>, stop: &AtomicBool, scale:
 
 impl<D: Device + Send + 'static> Drop for PtyBoard<D> {
     fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
+        self.end();
     }
 }
