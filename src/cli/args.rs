@@ -35,6 +35,8 @@ pub(super) enum Command {
     },
     /// Send programs to a machine over a serial port
     Send(Send),
+    /// Write a small job that measures the kerf and the scale of a machine in a material
+    Coupon(Coupon),
     /// List the serial ports of this machine
     Ports,
     /// List the built-in profiles, or show one
@@ -126,6 +128,19 @@ pub(super) struct Send {
     /// No progress
     #[arg(long)]
     pub(super) quiet: bool,
+}
+
+#[derive(Debug, clap::Args)]
+pub(super) struct Coupon {
+    /// Machine profile (see `fabricate profiles`)
+    #[arg(long, default_value = "drag-knife-a3")]
+    pub(super) machine: String,
+    /// Material profile
+    #[arg(long, default_value = "paper-200gsm")]
+    pub(super) material: String,
+    /// Folder to write into
+    #[arg(long, default_value = "coupon", value_name = "DIR")]
+    pub(super) out: PathBuf,
 }
 
 #[derive(Debug, clap::Args)]

@@ -5,7 +5,7 @@ use clap::CommandFactory;
 
 use super::{
     CANCEL, Exit,
-    args::{Args, Check, Command, Init, Profiles, Run, Send},
+    args::{Args, Check, Command, Coupon, Init, Profiles, Run, Send},
     inspect, send, show, template,
 };
 use crate::{
@@ -24,6 +24,7 @@ pub(super) fn run(args: Args) -> Exit {
             inspect::inspect(&file, json, machine.as_deref(), picture.as_deref())
         }
         Command::Send(args) => send::send(&args),
+        Command::Coupon(args) => coupon(&args),
         Command::Ports => ports(),
         Command::Profiles { show } => profiles(show),
         Command::Completions { shell } => {
@@ -219,6 +220,34 @@ fn init(args: &Init) -> Exit {
         Err(err) => {
             show::note(&format!("error: cannot write {}: {err}", path.display()));
             Exit::Output
+        }
+    }
+}
+
+/// Writes a coupon and says what to measure on it.
+fn coupon(args: &Coupon) -> Exit {
+    let table = |name: &str| format!("profile = {}", toml::Value::String(name.to_owned()));
+    let (material, machine) = (table(&args.material), table(&args.machine));
+    let parse = |text| toml::de::DeTable::parse(text).expect("a quoted string is valid TOML");
+    let profiles = profile::Profiles::load(Path::new("."), parse(&material).get_ref(), parse(&machine).get_ref());
+    let made = match profiles {
+        Ok(profiles) => pipeline::coupon(&profiles, &args.out),
+        Err(err) => {
+            show::error(&err);
+            return Exit::Usage;
+        }
+    };
+    match made {
+        Ok(coupon) => {
+            let files: String = coupon.files.iter().map(|it| format!("{}\n", it.display())).collect();
+            show::data(&format!("{files}{}\n", coupon.instruction));
+            let failed: Vec<_> = coupon.checks.iter().filter(|it| !it.ok).collect();
+            failed.iter().for_each(|it| show::note(&format!("error: {}: {}", it.name, it.note)));
+            if failed.is_empty() { Exit::Done } else { Exit::ChecksFailed }
+        }
+        Err(err) => {
+            show::error(&err);
+            if matches!(err, pipeline::CouponError::Output(_)) { Exit::Output } else { Exit::Usage }
         }
     }
 }

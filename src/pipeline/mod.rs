@@ -3,6 +3,7 @@
 mod cache;
 mod codec;
 mod config;
+mod coupon;
 mod deliver;
 mod input;
 mod output;
@@ -13,6 +14,7 @@ mod simulate;
 mod verify;
 
 pub use config::{Config, ConfigError, ConfigText, Place};
+pub use coupon::{Coupon, CouponError, coupon};
 pub use input::{InputError, Source, inspect_mesh};
 pub use output::OutputError;
 pub use plan::{Plan, PlanError, plan};

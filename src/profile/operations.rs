@@ -51,7 +51,7 @@ impl<T> PerOperation<T> {
         self.0.iter().map(|(it, value)| (it.0, value))
     }
 
-    pub(super) fn get_mut(&mut self, operation: Operation) -> Option<&mut T> {
+    pub(crate) fn get_mut(&mut self, operation: Operation) -> Option<&mut T> {
         self.0.get_mut(&Named(operation))
     }
 }

@@ -200,7 +200,7 @@ mod tests {
             ("G1 X1", 1, "before any F"),
             ("G0 X", 1, "not a word"),
             ("\n\nG68 R30", 3, "the word G68 is not known"),
-            ("G0 A4", 1, "the word A4 is not known"),
+            ("G0 U4", 1, "the word U4 is not known"),
             ("hello", 1, "not a word"),
         ] {
             match read_gcode(text, Sense::Beam) {

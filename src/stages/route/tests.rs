@@ -275,3 +275,35 @@ fn cuts_come_where_the_order_of_work_has_them() {
     order.dedup();
     assert_eq!(order, [Operation::CutInside, Operation::Text, Operation::CutOutside]);
 }
+
+#[test]
+fn webs_stand_only_where_a_part_comes_free() {
+    // A bay whose mouth is narrower than the cut: the cut closes it off, and only waste comes free in it.
+    let outline = [
+        [10.0, 10.0],
+        [70.0, 10.0],
+        [70.0, 50.0],
+        [40.05, 50.0],
+        [40.05, 45.0],
+        [55.0, 45.0],
+        [55.0, 20.0],
+        [25.0, 20.0],
+        [25.0, 45.0],
+        [39.95, 45.0],
+        [39.95, 50.0],
+        [10.0, 50.0],
+    ];
+    let part =
+        Part { name: "bay".into(), contours: vec![outline.map(|[x, y]| Vec2::new(x, y)).to_vec()], marks: vec![] };
+    let sheet = Sheet { size: Vec2::new(300.0, 200.0), parts: vec![part], placements: vec![] };
+    let sheets = Sheets { sheets: vec![sheet], margin: 5.0, gap: 2.0, unplaced: vec![] };
+    let mut options = options();
+    for tool in &mut options.tools {
+        (tool.kerf, tool.bridges) = (0.2, Some(Bridges { count: 3, width: 1.0, below: 0.0 }));
+    }
+    let job = route(&sheets, &options, &Monitor::silent()).unwrap();
+    let closed: Vec<f64> =
+        job.sheets[0].paths.iter().filter(|it| it.path.is_closed()).map(|it| it.path.length()).collect();
+    assert_eq!((job.sheets[0].paths.len(), closed.len()), (5, 1), "three webs around, none in the bay");
+    assert!((closed[0] - 2.0 * (29.8 + 24.8)).abs() < 0.5, "{closed:?}");
+}
