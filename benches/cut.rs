@@ -90,6 +90,8 @@ fn row(name: &str, mesh: &TriMesh, limit: f64) {
         new_piece: 0.03,
         halvings: 1,
         min_area: MIN_PIECE * MIN_PIECE,
+        prefer: vec![],
+        avoid: vec![],
         sheet: None,
     };
     let start = seconds();

@@ -19,6 +19,8 @@ fn options(stretch: f64) -> cut::Options {
         new_piece: 0.03,
         halvings: 1,
         min_area: 36.0,
+        prefer: vec![],
+        avoid: vec![],
         sheet: None,
     }
 }
@@ -45,11 +47,49 @@ fn potato(level: usize) -> TriMesh {
     ball.with_positions(Field::from_vec(ball.positions().iter().map(bumpy).collect()))
 }
 
+/// A closed cylinder with flat lids.
+fn capped_cylinder() -> TriMesh {
+    let profile = [[0., 0.], [15., 0.], [30., 0.], [30., 40.], [30., 80.], [15., 80.], [0., 80.]];
+    shapes::revolve(&profile.map(|[r, z]| Vec2::new(r, z)), 24)
+}
+
+/// What two cylinders of equal radius share whose axes cross at right angles: four lenses, each of a cylinder ruled by
+/// horizontal lines, between two poles; `rows` strips with `columns` quads in every lens. A horizontal section is a square.
+fn bicylinder(radius: f64, rows: usize, columns: usize) -> TriMesh {
+    let around = 4 * columns;
+    let mut points = vec![Vec3::new(0.0, 0.0, -radius)];
+    for row in 1..rows {
+        let (sin, cos) = (std::f64::consts::PI * (row as f64 / rows as f64 - 0.5)).sin_cos();
+        for k in 0..around {
+            let t = 2.0 * (k % columns) as f64 / columns as f64 - 1.0;
+            let [x, y] = [[1.0, t], [-t, 1.0], [-1.0, -t], [t, -1.0]][k / columns];
+            points.push(radius * Vec3::new(cos * x, cos * y, sin));
+        }
+    }
+    points.push(Vec3::new(0.0, 0.0, radius));
+    let top = points.len() as u32 - 1;
+    let at = |row: usize, k: usize| match row {
+        0 => 0,
+        row if row == rows => top,
+        row => (1 + (row - 1) * around + k % around) as u32,
+    };
+    let mut faces = Vec::new();
+    for row in 0..rows {
+        for k in 0..around {
+            let [a, b, c, d] = [at(row, k), at(row, k + 1), at(row + 1, k + 1), at(row + 1, k)];
+            faces.extend([[a, b, c], [a, c, d]].into_iter().filter(|it| it[0] != it[1] && it[1] != it[2]));
+        }
+    }
+    TriMesh::new(points, &faces).unwrap()
+}
+
 fn exactly_developable() -> Vec<(&'static str, TriMesh)> {
     vec![
         ("rectangle", shapes::grid(9, 7, 10.0)),
         ("open cylinder", shapes::cylinder(30.0, 180.0, 24, 12)),
         ("frustum", shapes::cone_frustum(60.0, 20.0, 90.0, 30, 8)),
+        ("capped cylinder", capped_cylinder()),
+        ("bicylinder", bicylinder(30.0, 12, 4)),
         ("annulus", shapes::annulus(20.0, 70.0, 32, 6)),
         ("tangent developable", shapes::tangent_developable(30.0, 40.0, 0.8, [10.0, 60.0], 40, 5)),
         ("cube", shapes::cuboid(Vec3::new(60.0, 60.0, 60.0), 4)),
@@ -241,4 +281,96 @@ fn flips_are_found() {
     let quality = quality(&cut, &flat);
     assert_eq!(quality.flipped, [4, 5, 6, 7].map(FaceId));
     assert!(quality.max_log_scale.0 < 1e-15);
+}
+
+#[test]
+fn pieces_under_the_useful_size_grow() {
+    let input = developable(potato(3));
+    let small = |min_area: f64| {
+        let asked = cut::Options { min_area, ..options(0.003) };
+        let cut = cut(&input, &asked, &Monitor::silent()).unwrap();
+        let flat = flatten(&cut, &Monitor::silent()).unwrap();
+        check_laws(&format!("{min_area} mm²"), &input, &cut, &flat);
+        cut.small_pieces(400.0).len()
+    };
+    let [without, with] = [0.0, 400.0].map(small);
+    assert!(with < without, "{with} of {without} are left");
+}
+
+#[test]
+fn every_vertex_a_terminal_or_none() {
+    for energy in [1.0, 0.0] {
+        let mut input = developable(shapes::icosphere(50.0, 2));
+        input.energy = Field::filled(input.mesh.vertex_count(), energy);
+        let asked = cut::Options { tolerance: Some(0.5), ..options(0.02) };
+        let cut = cut(&input, &asked, &Monitor::silent()).unwrap();
+        let flat = flatten(&cut, &Monitor::silent()).unwrap();
+        check_laws(&format!("energy {energy}"), &input, &cut, &flat);
+        assert_eq!(cut.seam_vertices == input.mesh.vertex_count(), energy > 0.5);
+    }
+}
+
+#[test]
+fn a_sliver_is_cut_or_refused_with_the_reason() {
+    // The corner of one triangle of a grid drawn onto its opposite edge: an angle of 1e-6 degrees.
+    let mut mesh = shapes::grid(8, 8, 10.0);
+    let [a, b, c] = mesh.face_vertices(FaceId(40));
+    let [p, q] = [b, c].map(|v| mesh.position(v));
+    let normal = Vec3::new(0.0, 0.0, 1.0).cross(&(q - p)).normalize();
+    let height = 0.5 * (q - p).norm() * 1e-6_f64.to_radians();
+    mesh.positions_mut()[a] = 0.5 * (p + q) + normal * height;
+    let input = developable(mesh);
+    match cut(&input, &options(0.005), &Monitor::silent()) {
+        Ok(cut) => {
+            let flat = flatten(&cut, &Monitor::silent()).unwrap();
+            assert!(flat.uv.as_slice().iter().all(|p| p.x.is_finite() && p.y.is_finite()));
+            assert!(quality(&cut, &flat).share_over_limit <= 0.001);
+        }
+        Err(error) => assert!(error.to_string().contains("face"), "{error}"),
+    }
+}
+
+#[test]
+fn a_hundred_thousand_components() {
+    let triangle = |k: u32| {
+        let at = Vec3::new(f64::from(k % 400), f64::from(k / 400), 0.0);
+        [at, at + Vec3::new(0.5, 0.0, 0.1), at + Vec3::new(0.0, 0.5, 0.2)]
+    };
+    let points = (0..100_000).flat_map(triangle).collect();
+    let faces: Vec<[u32; 3]> = (0..100_000).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+    let (_, cut, flat) = run(TriMesh::new(points, &faces).unwrap(), 0.005);
+    assert_eq!(cut.pieces.len(), 100_000);
+    assert!(cut.seams.is_empty());
+    assert!(quality(&cut, &flat).max_principal_stretch.0 < 1e-9);
+}
+
+#[test]
+fn seams_keep_off_an_avoided_side() {
+    let input = developable(potato(3));
+    let up = cut::Side { towards: Vec3::new(0.0, 0.0, 2.0), share: 0.5 };
+    let bounds = input.mesh.bounds();
+    let middle = 0.5 * (bounds.min.z + bounds.max.z);
+    let above = |avoid: Vec<cut::Side>| -> f64 {
+        let cut = cut(&input, &cut::Options { avoid, ..options(0.02) }, &Monitor::silent()).unwrap();
+        let sides = cut.seams.iter().flat_map(|it| &it.sides[0]);
+        sides.filter(|&&h| cut.mesh.position(cut.mesh.tail(h)).z > middle).map(|&h| cut.mesh.vector(h).norm()).sum()
+    };
+    let [with, without] = [vec![up], vec![]].map(above);
+    assert!(with < 0.9 * without, "{with} of {without} mm");
+}
+
+#[test]
+fn the_obstacle_to_fewer_pieces_is_named() {
+    let (input, cut, _) = run(potato(3), 0.002);
+    assert!(cut.pieces.len() > 1);
+    let it = cut::obstacle(&input.mesh, &cut).unwrap().expect("the smallest piece has a neighbour");
+    assert_eq!(it.piece.0 as usize, cut.pieces.len() - 1);
+    let seam = &cut.seams[it.seam as usize - 1];
+    let mut sides = seam.sides.each_ref().map(|side| cut.piece_of[cut.mesh.face(side[0])]);
+    sides.sort_unstable();
+    assert_eq!(sides, [it.neighbour, it.piece]);
+    assert!(it.stretch.is_finite() && it.stretch > 0.0);
+    // One piece in which nothing is to be glued has none.
+    let (input, cut, _) = run(shapes::grid(3, 3, 10.0), 0.01);
+    assert_eq!(cut::obstacle(&input.mesh, &cut), Ok(None));
 }

@@ -36,8 +36,7 @@ impl Search<'_> {
             self.monitor.check()?;
             let done = (self.judged - before) as f64 / limit.saturating_sub(before).max(1) as f64;
             self.monitor.progress(0.5 + 0.5 * done.max(trial as f64 / TRIALS as f64), "shortening seams");
-            let seams: Vec<EdgeId> =
-                self.mesh.edges().filter(|&e| self.cut[e] && !self.mesh.is_boundary_edge(e)).collect();
+            let seams = self.seams();
             if self.judged >= limit || seams.is_empty() {
                 break;
             }

@@ -8,6 +8,7 @@
 mod divide;
 mod improve;
 mod join;
+mod obstacle;
 mod piece;
 mod relieve;
 mod search;
@@ -15,12 +16,24 @@ mod sheet;
 mod small;
 pub mod stage;
 
+pub use obstacle::{Obstacle, obstacle};
+
 use crate::{
+    geom::Vec3,
     mesh::{EdgeId, Field, Id, MeshError, TriMesh},
     model::{CutMesh, DevelopableMesh, Piece, PieceId, Seam},
     numeric::{Cancelled, Monitor},
     surface::{flatten::FlattenError, opening},
 };
+
+/// A side of the surface: all that lies within `share` of its extent of where it ends in a direction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Side {
+    /// The direction, of any length but 0.
+    pub towards: Vec3,
+    /// Share of the extent, 0 to 1.
+    pub share: f64,
+}
 
 /// What to keep to.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,6 +53,10 @@ pub struct Options {
     pub halvings: u32,
     /// Area under which a piece is of no use, mm².
     pub min_area: f64,
+    /// Sides that seams are led to where that costs little.
+    pub prefer: Vec<Side>,
+    /// Sides that seams are kept off where that costs little.
+    pub avoid: Vec<Side>,
     /// Width and height that a flat piece must fit into in some rotation, mm; `None`: any size.
     pub sheet: Option<[f64; 2]>,
 }

@@ -19,6 +19,10 @@ const CERTAIN: f64 = 3.0;
 /// How much creases attract the seams of the solutions tried, the most promising first: which one suits a surface shows
 /// only in the end.
 const ATTRACTIONS: [f64; 4] = [0.7, 2.0, 5.0, 0.2];
+/// A seam on a preferred side counts for so much of its length, …
+const PREFERRED: f64 = 0.3;
+/// … on an avoided one for so much.
+const AVOIDED: f64 = 3.0;
 /// Faces judged in all after which no new attempt begins, about two seconds of work. The first solution is always finished.
 const EFFORT: usize = 900_000;
 /// Improving ends when it has judged so many times the faces of the mesh: a small one is done sooner.
@@ -35,6 +39,8 @@ pub(super) struct Search<'a> {
     pub(super) metric: Metric,
     pub(super) curvature: Field<VertexId, f64>,
     pub(super) weight: Field<EdgeId, f64>,
+    /// What a seam along each edge counts for: its length, less on a preferred side, more on an avoided one, mm.
+    pub(super) toll: Field<EdgeId, f64>,
     /// Peaks of stretch that are relieved at a time.
     pub(super) peaks: usize,
     /// What one more piece is worth, as a length of seam, mm.
@@ -74,9 +80,11 @@ pub(super) fn search(
     let curvature = angle_defects(mesh);
     let must_cut = must_cut(mesh, &metric, &curvature, CERTAIN * options.stretch);
     let terminals: Vec<VertexId> = mesh.vertices().filter(|&v| must_cut[v] || is_terminal(v)).collect();
+    let toll = tolls(mesh, options);
     let mut best = Search {
         mesh,
-        weight: seam_weight(mesh, &curvature, ATTRACTIONS[0]),
+        weight: seam_weight(mesh, &toll, &curvature, ATTRACTIONS[0]),
+        toll,
         metric,
         curvature,
         peaks: PEAKS,
@@ -96,8 +104,8 @@ pub(super) fn search(
     best.solve(&terminals)?;
     let mut judged = best.judged;
     for (k, attraction) in ATTRACTIONS.into_iter().enumerate().skip(1) {
-        // As much again as one attempt took must be left.
-        if judged + judged / k > EFFORT {
+        // As much again as one attempt took must be left, and something to be saved.
+        if judged + judged / k > EFFORT || best.length(&best.seams()) == 0.0 {
             break;
         }
         let mut other = uncut.clone();
@@ -115,15 +123,38 @@ pub(super) fn search(
     Ok(Found { cut: best.cut, terminals: terminals.len() })
 }
 
-/// Length / (1 + a S), a the `attraction`, with S = min(1, dihedral / 0.5) + min(1, (|K_a| + |K_b|) / 0.2): seams run along creases and
+/// What a seam along each edge counts for.
+fn tolls(mesh: &TriMesh, options: &Options) -> Field<EdgeId, f64> {
+    let mut out = Field::from_fn(mesh.edge_count(), |e| mesh.edge_length(e));
+    let preferred = options.prefer.iter().map(|it| (it, PREFERRED));
+    for (side, factor) in preferred.chain(options.avoid.iter().map(|it| (it, AVOIDED))) {
+        let heights = mesh.positions().iter().map(|p| p.dot(&side.towards));
+        let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), it| (a.min(it), b.max(it)));
+        let from = high - side.share * (high - low);
+        for e in mesh.edges() {
+            let [a, b] = mesh.edge_vertices(e).map(|v| mesh.position(v).dot(&side.towards));
+            if a + b >= 2.0 * from {
+                out[e] *= factor;
+            }
+        }
+    }
+    out
+}
+
+/// Toll / (1 + a S), a the `attraction`, with S = min(1, dihedral / 0.5) + min(1, (|K_a| + |K_b|) / 0.2): seams run along creases and
 /// through curvature, where they are of use.
-fn seam_weight(mesh: &TriMesh, curvature: &Field<VertexId, f64>, attraction: f64) -> Field<EdgeId, f64> {
+fn seam_weight(
+    mesh: &TriMesh,
+    toll: &Field<EdgeId, f64>,
+    curvature: &Field<VertexId, f64>,
+    attraction: f64,
+) -> Field<EdgeId, f64> {
     Field::from_fn(mesh.edge_count(), |e| {
         let bend = mesh.dihedral_cosine(e).map_or(0.0, |it| it.clamp(-1.0, 1.0).acos());
         let defect: f64 = mesh.edge_vertices(e).iter().map(|&v| curvature[v].abs()).sum();
         let crease = (bend / CREASE_ANGLE).min(1.0) + (defect / CREASE_DEFECT).min(1.0);
         // A zero weight would let paths wander.
-        mesh.edge_length(e).max(f64::MIN_POSITIVE) / (1.0 + attraction * crease)
+        toll[e].max(f64::MIN_POSITIVE) / (1.0 + attraction * crease)
     })
 }
 
@@ -155,8 +186,12 @@ impl Search<'_> {
     /// What the solution is worth: pieces that are not good, then the length of all seams with the price of the pieces, mm.
     fn cost(&self) -> (usize, f64) {
         let pieces = || self.pieces.iter().flatten();
-        let seams: Vec<EdgeId> = self.mesh.edges().filter(|&e| self.cut[e]).collect();
-        (pieces().filter(|it| !it.is_good()).count(), self.length(&seams) + self.price(pieces()))
+        (pieces().filter(|it| !it.is_good()).count(), self.length(&self.seams()) + self.price(pieces()))
+    }
+
+    /// The inner edges that are cut.
+    pub(super) fn seams(&self) -> Vec<EdgeId> {
+        self.mesh.edges().filter(|&e| self.cut[e] && !self.mesh.is_boundary_edge(e)).collect()
     }
 
     /// Judges the component that `faces` are with the edges cut now.
@@ -217,12 +252,12 @@ impl Search<'_> {
 
     /// Changes how much creases attract seams.
     pub(super) fn attract(&mut self, attraction: f64) {
-        self.weight = seam_weight(self.mesh, &self.curvature, attraction);
+        self.weight = seam_weight(self.mesh, &self.toll, &self.curvature, attraction);
     }
 
-    /// Total length of edges, mm.
+    /// What seams along edges count for, mm.
     pub(super) fn length(&self, edges: &[EdgeId]) -> f64 {
-        edges.iter().map(|&e| self.mesh.edge_length(e)).sum()
+        edges.iter().map(|&e| self.toll[e]).sum()
     }
 
     pub(super) fn insert(&mut self, piece: Piece) {

@@ -2,8 +2,10 @@
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::{CutError, Options, cut};
+use super::{CutError, Options, Side, cut, obstacle};
 use crate::{
+    geom::Vec3,
+    mesh::TriMesh,
     model::{CutMesh, DevelopableMesh},
     profile::{Length, Profiles},
     stage::{Check, Cx, KeyError, Section, Stage},
@@ -26,6 +28,10 @@ pub struct CutStage {
     pub min_piece: Option<Length>,
     /// More pieces than this are a failed check.
     pub max_pieces: Option<usize>,
+    /// Sides of the model that seams are led to where that costs little.
+    pub prefer: Vec<SideTable>,
+    /// Sides of the model that seams are kept off where that costs little.
+    pub avoid: Vec<SideTable>,
     /// Whether pieces that fit on no sheet are divided.
     pub fit_sheet: bool,
 }
@@ -39,8 +45,39 @@ impl Default for CutStage {
             style: Style::Few,
             min_piece: None,
             max_pieces: None,
+            prefer: Vec::new(),
+            avoid: Vec::new(),
             fit_sheet: true,
         }
+    }
+}
+
+/// One of `[[cut.prefer]]` or `[[cut.avoid]]`: what lies within a share of the model's extent of its end in a direction.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SideTable {
+    /// The direction in the coordinates of the input.
+    pub towards: [f64; 3],
+    /// Share of the extent in that direction.
+    #[serde(default = "half")]
+    pub share: f64,
+}
+
+fn half() -> f64 {
+    0.5
+}
+
+impl SideTable {
+    fn side(&self) -> Side {
+        Side { towards: Vec3::from(self.towards), share: self.share }
+    }
+
+    fn check(&self) -> Result<(), KeyError> {
+        KeyError::range("share", self.share, 0.0, 1.0)?;
+        if Vec3::from(self.towards).norm().is_normal() {
+            return Ok(());
+        }
+        Err(KeyError { key: "towards", message: "must be a direction such as [0, -1, 0]".into() })
     }
 }
 
@@ -92,6 +129,25 @@ pub struct Stock {
     free: [f64; 2],
 }
 
+/// Which piece is too many, where, and by how much the limit would be missed without it.
+fn too_many(mesh: &TriMesh, cut: &CutMesh) -> String {
+    let way_out = "allow more stretch or more pieces, or a larger deviation in [develop]";
+    let Ok(Some(it)) = obstacle(mesh, cut) else { return way_out.into() };
+    let [piece, other] = [it.piece, it.neighbour].map(|id| &cut.pieces[id].name);
+    let [x, y, z] = it.place.into();
+    let limit = cut.stretch;
+    let reason = if it.stretch > limit {
+        format!(
+            "stretch by {:.4}, {:.1} times the limit {limit}, most near ({x:.1}, {y:.1}, {z:.1})",
+            it.stretch,
+            it.stretch / limit
+        )
+    } else {
+        format!("overlap or not fit on the sheet, around ({x:.1}, {y:.1}, {z:.1})")
+    };
+    format!("piece {piece} glued to {other} along seam {} would {reason}; {way_out}", it.seam)
+}
+
 impl CutStage {
     /// Side of the least useful square, mm.
     fn min_side(&self, stock: &Stock) -> f64 {
@@ -129,6 +185,7 @@ impl Stage for CutStage {
         if let Some(side) = self.min_piece {
             KeyError::range("min_piece", side.mm, 0.0, 1e4)?;
         }
+        self.prefer.iter().chain(&self.avoid).try_for_each(SideTable::check)?;
         KeyError::range("clearance", self.clearance.mm, 1e-6, 10.0)
     }
 
@@ -141,6 +198,8 @@ impl Stage for CutStage {
             new_piece: self.style.new_piece(),
             halvings: self.style.halvings(),
             min_area: self.min_side(stock).powi(2),
+            prefer: self.prefer.iter().map(SideTable::side).collect(),
+            avoid: self.avoid.iter().map(SideTable::side).collect(),
             sheet: self.fit_sheet.then_some(stock.free),
         };
         cut(input, &options, &cx.monitor)
@@ -166,7 +225,7 @@ impl Stage for CutStage {
                 cut.pieces.len() as f64,
                 limit as f64,
                 "pieces",
-                "fewer pieces need a material that stretches more, a smoother mesh or a larger deviation in [develop]",
+                if cut.pieces.len() > limit { too_many(&input.mesh, cut) } else { String::new() },
             )),
             None => section,
         }
