@@ -345,18 +345,21 @@ fn a_hundred_thousand_components() {
 }
 
 #[test]
-fn seams_keep_off_an_avoided_side() {
-    let input = developable(potato(3));
-    let up = cut::Side { towards: Vec3::new(0.0, 0.0, 2.0), share: 0.5 };
-    let bounds = input.mesh.bounds();
-    let middle = 0.5 * (bounds.min.z + bounds.max.z);
-    let above = |avoid: Vec<cut::Side>| -> f64 {
-        let cut = cut(&input, &cut::Options { avoid, ..options(0.02) }, &Monitor::silent()).unwrap();
-        let sides = cut.seams.iter().flat_map(|it| &it.sides[0]);
-        sides.filter(|&&h| cut.mesh.position(cut.mesh.tail(h)).z > middle).map(|&h| cut.mesh.vector(h).norm()).sum()
+fn seams_keep_to_a_preferred_side_and_off_an_avoided_one() {
+    // A cylinder may be cut along any ruling.
+    let input = developable(shapes::cylinder(30.0, 180.0, 24, 12));
+    let side = |x: f64, share: f64| vec![cut::Side { towards: Vec3::new(x, 0.0, 0.0), share }];
+    let seam = |asked: cut::Options| -> [f64; 2] {
+        let cut = cut(&input, &asked, &Monitor::silent()).unwrap();
+        let along = cut.seams.iter().flat_map(|it| &it.sides[0]).map(|&h| cut.mesh.position(cut.mesh.tail(h)).x);
+        along.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
     };
-    let [with, without] = [vec![up], vec![]].map(above);
-    assert!(with < 0.9 * without, "{with} of {without} mm");
+    for x in [-2.0, 2.0] {
+        let preferred = seam(cut::Options { prefer: side(x, 0.1), ..options(0.005) });
+        assert!(preferred.iter().all(|it| it * x.signum() >= 24.0), "{x}: {preferred:?}");
+        let avoided = seam(cut::Options { avoid: side(x, 0.9), ..options(0.005) });
+        assert!(avoided.iter().all(|it| it * x.signum() <= -24.0), "{x}: {avoided:?}");
+    }
 }
 
 #[test]
