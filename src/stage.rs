@@ -104,6 +104,8 @@ pub trait Inputs {
     type Refs<'a>: Copy;
     /// Kinds read.
     const KINDS: &'static [Kind];
+    /// Kinds read where an earlier stage makes them.
+    const WANTS: &'static [Kind] = &[];
     /// Fetches them; `None` if one is missing, which the plan has excluded.
     fn fetch(store: &Store) -> Option<Self::Refs<'_>>;
 }
@@ -129,6 +131,15 @@ impl<A: Noun, B: Noun, C: Noun> Inputs for (A, B, C) {
     const KINDS: &'static [Kind] = &[A::KIND, B::KIND, C::KIND];
     fn fetch(store: &Store) -> Option<(&A, &B, &C)> {
         Some((store.get()?, store.get()?, store.get()?))
+    }
+}
+
+impl<A: Noun, B: Noun, C: Noun> Inputs for (A, B, Option<C>) {
+    type Refs<'a> = (&'a A, &'a B, Option<&'a C>);
+    const KINDS: &'static [Kind] = &[A::KIND, B::KIND];
+    const WANTS: &'static [Kind] = &[C::KIND];
+    fn fetch(store: &Store) -> Option<(&A, &B, Option<&C>)> {
+        Some((store.get()?, store.get()?, store.get()))
     }
 }
 
@@ -224,6 +235,8 @@ pub struct StageDef {
     pub name: &'static str,
     /// Kinds read.
     pub needs: &'static [Kind],
+    /// Kinds read where they are made.
+    pub wants: &'static [Kind],
     /// Kind made.
     pub makes: Kind,
     /// Parses the table.
@@ -236,6 +249,7 @@ impl StageDef {
         Self {
             name: S::NAME,
             needs: <S::Input as Inputs>::KINDS,
+            wants: <S::Input as Inputs>::WANTS,
             makes: <S::Output as Noun>::KIND,
             prepare: prepare::<S>,
         }

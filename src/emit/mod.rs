@@ -6,6 +6,7 @@ mod gcode;
 mod hpgl;
 pub mod obj;
 pub mod stl;
+pub mod strips;
 mod svg;
 
 use std::{collections::BTreeSet, io};

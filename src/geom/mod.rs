@@ -2,6 +2,7 @@
 
 pub mod arcs;
 pub mod boolean;
+pub mod ears;
 pub mod motion;
 pub mod outline;
 pub mod polygon;

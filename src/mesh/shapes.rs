@@ -2,6 +2,8 @@
 //!
 //! All lengths are millimetres, closed shapes are oriented outwards, the z axis is the axis of everything round.
 //! Counts below the stated minimum, and lengths that make no surface, are programming errors and panic.
+pub mod ruled;
+
 use std::{
     collections::BTreeMap,
     f64::consts::{PI, TAU},

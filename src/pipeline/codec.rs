@@ -5,8 +5,9 @@ use crate::{
     geom::{Vec2, Vec3, arcs::ArcPath},
     mesh::{EdgeId, FaceId, Field, HalfedgeId, Id, TriMesh, VertexId},
     model::{
-        Artifact, CutMesh, DevelopableMesh, Flattening, Kind, Mark, Noun, Opening, Operation, Overlap, Part, Parts,
-        Piece, PieceId, Placement, Round, Seam, Sheet, SheetPaths, Sheets, SourceMesh, Toolpath, Toolpaths, Tradeoff,
+        Artifact, Corner, CutMesh, DevelopableMesh, Flattening, Kind, Mark, Noun, Opening, Operation, Overlap, Panel,
+        PanelKind, Part, Parts, Piece, PieceId, Placement, Round, Ruled, Ruling, Seam, Sheet, SheetPaths, Sheets,
+        SourceMesh, Strips, Toolpath, Toolpaths, Tradeoff,
     },
 };
 
@@ -202,6 +203,25 @@ impl Codec for Operation {
     }
 }
 
+macro_rules! plain_enums {
+    ($($name:ident { $($variant:ident),* $(,)? })*) => {$(
+        impl Codec for $name {
+            fn put(&self, out: &mut Vec<u8>) {
+                (*self as u8).put(out);
+            }
+            fn get(reader: &mut Reader<'_>) -> Result<Self, Corrupt> {
+                let code = u8::get(reader)?;
+                [$(Self::$variant),*].into_iter().find(|it| *it as u8 == code).ok_or(Corrupt)
+            }
+        }
+    )*};
+}
+
+plain_enums! {
+    PanelKind { Quad, Polygon, Triangle }
+    Ruled { Yes, Flat, Unreliable, Unsolved }
+}
+
 records! {
     SourceMesh { mesh, file, repairs, up }
     Round {
@@ -215,6 +235,10 @@ records! {
     CutMesh { mesh, origin, piece_of, pieces, seams, tolerance, seam_vertices, stretch }
     Overlap { faces, area }
     Flattening { uv, log_factor, overlaps, stretch_limit }
+    Corner { point, uv }
+    Panel { piece, strip, kind, outline }
+    Ruling { piece, ends, panels, bend, radius, length, bow }
+    Strips { points, corners, panels, rulings, ruled, residual, directions, fold_angle, tolerance }
     Mark { operation, points, closed }
     Part { name, contours, marks }
     Opening { part, width, area }
@@ -246,4 +270,4 @@ macro_rules! artifacts {
     };
 }
 
-artifacts!(SourceMesh, TriMesh, DevelopableMesh, CutMesh, Flattening, Parts, Sheets, Toolpaths);
+artifacts!(SourceMesh, TriMesh, DevelopableMesh, CutMesh, Flattening, Strips, Parts, Sheets, Toolpaths);

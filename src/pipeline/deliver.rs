@@ -12,7 +12,7 @@ use super::{
 use crate::{
     emit::{self, File, Nouns},
     mesh::TriMesh,
-    model::{CutMesh, DevelopableMesh, Flattening, Operation, Parts, Sheets, SourceMesh, Toolpaths},
+    model::{CutMesh, DevelopableMesh, Flattening, Operation, Parts, Sheets, SourceMesh, Strips, Toolpaths},
     numeric::{Cancelled, Monitor},
     report::{self, Frame, StageRow, Subjects, Written},
     stage::{Section, Store},
@@ -45,7 +45,7 @@ pub(super) fn deliver(
         Nouns { parts: store.get::<Parts>(), sheets: store.get::<Sheets>(), toolpaths: store.get::<Toolpaths>() };
     let drawn = emit::files(&nouns, &plan.profiles, &plan.formats).expect("the plan proved that every format exists");
     let line = |operation| plan.profiles.machine.layers[operation].color.0;
-    let jobs: Vec<Job<'_>> = models(store).into_iter().chain(pictures(store, &line)).collect();
+    let jobs: Vec<Job<'_>> = models(store).into_iter().chain(strips(store)).chain(pictures(store, &line)).collect();
     monitor.check()?;
     let made: Vec<_> = jobs.par_iter().map(|(path, format, make)| (path, *format, make())).collect();
 
@@ -106,11 +106,26 @@ fn models(store: &Store) -> Vec<Job<'_>> {
         .collect()
 }
 
+/// The strips as OBJ and as tables of bends.
+fn strips(store: &Store) -> Vec<Job<'_>> {
+    let (Some(strips), Some(cut)) = (store.get::<Strips>(), store.get::<CutMesh>()) else { return vec![] };
+    let obj = move || {
+        let mut bytes = Vec::new();
+        emit::strips::obj(strips, &cut.pieces, &mut bytes).expect("writing to memory cannot fail");
+        Ok(bytes)
+    };
+    vec![
+        ("model/strips.obj".into(), "obj", Box::new(obj)),
+        ("strips/rolling.csv".into(), "csv", Box::new(move || Ok(emit::strips::rolling(strips, &cut.pieces)))),
+        ("strips/press-brake.csv".into(), "csv", Box::new(move || Ok(emit::strips::press_brake(strips, &cut.pieces)))),
+    ]
+}
+
 /// The previews.
 fn pictures<'a>(store: &'a Store, line: &'a (dyn Fn(Operation) -> [u8; 3] + Sync)) -> Vec<Job<'a>> {
     let source = store.get::<SourceMesh>().expect("the run put the source first");
-    let (coarse, developed, cut, sheets) = (store.get(), store.get(), store.get(), store.get());
-    report::pictures(Subjects { source, coarse, developed, cut, sheets, line })
+    let (coarse, developed, cut, strips, sheets) = (store.get(), store.get(), store.get(), store.get(), store.get());
+    report::pictures(Subjects { source, coarse, developed, cut, strips, sheets, line })
         .into_iter()
         .map(|(path, draw)| -> Job<'a> {
             let format = if path.ends_with(".svg") { "svg" } else { "png" };

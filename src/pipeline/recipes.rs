@@ -3,7 +3,7 @@ use crate::{
     stage::StageDef,
     stages::{
         coarsen::stage::CoarsenStage, cut::stage::CutStage, develop::stage::Develop, flatten::stage::FlattenStage,
-        layout::stage::LayoutStage, nest::stage::NestStage, route::stage::RouteStage,
+        layout::stage::LayoutStage, nest::stage::NestStage, route::stage::RouteStage, strips::stage::StripsStage,
     },
 };
 
@@ -13,6 +13,7 @@ pub const STAGES: &[StageDef] = &[
     StageDef::of::<Develop>(),
     StageDef::of::<CutStage>(),
     StageDef::of::<FlattenStage>(),
+    StageDef::of::<StripsStage>(),
     StageDef::of::<LayoutStage>(),
     StageDef::of::<NestStage>(),
     StageDef::of::<RouteStage>(),
@@ -32,5 +33,5 @@ pub struct Recipe {
 pub const RECIPES: &[Recipe] = &[Recipe {
     name: "developable",
     about: "make a mesh piecewise developable, cut it along its seams and flatten the pieces",
-    stages: &["coarsen", "develop", "cut", "flatten", "layout", "nest", "route"],
+    stages: &["coarsen", "develop", "cut", "flatten", "strips", "layout", "nest", "route"],
 }];

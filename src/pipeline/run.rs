@@ -16,7 +16,7 @@ use super::{
     plan::Plan,
 };
 use crate::{
-    model::{Artifact, Kind},
+    model::Artifact,
     numeric::Monitor,
     report::StageRow,
     stage::{Check, Cx, Key, Ready, Section, StageDef, Store},
@@ -118,7 +118,7 @@ pub fn run(
         }
         let lap = Instant::now();
         tell(Event::Started { stage: def.name });
-        let key = stage_key(&store, def.needs, &ready.options_key);
+        let key = stage_key(&store, def, &ready.options_key);
         forced |= range.from.as_deref() == Some(def.name);
         let found = match if forced { Lookup::Miss } else { cache.get(def, &key) } {
             Lookup::Hit(found) => Some(*found),
@@ -195,11 +195,14 @@ fn compute(
 }
 
 /// Hash of the options of a stage and the keys of all its inputs.
-fn stage_key(store: &Store, needs: &[Kind], options: &Key) -> Key {
+fn stage_key(store: &Store, def: &StageDef, options: &Key) -> Key {
     let mut hasher = blake3::Hasher::new();
     hasher.update(options);
-    for &kind in needs {
+    for &kind in def.needs {
         hasher.update(&store.key(kind).expect("the plan proved that every input is made"));
+    }
+    for key in def.wants.iter().filter_map(|&kind| store.key(kind)) {
+        hasher.update(&key);
     }
     *hasher.finalize().as_bytes()
 }

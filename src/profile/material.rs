@@ -68,6 +68,9 @@ pub struct Material {
     pub stretch: f64,
     /// Side of a square: pieces of a smaller area are too small to handle, and made only where nothing else lies flat.
     pub min_piece: Length,
+    /// Smallest radius to which the sheet can be rolled; absent where it may be folded, or nobody knows.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bend_radius: Option<Length>,
     /// The kinds of machine that can work it, each with the settings it needs there.
     pub process: BTreeMap<MachineKind, PerOperation<ToolPatch>>,
 }
@@ -81,6 +84,7 @@ impl Rule for Material {
         at_least_zero("gap", self.gap.mm)?;
         within("stretch", self.stretch, 0.0, 1.0)?;
         at_least_zero("min_piece", self.min_piece.mm)?;
+        at_least_zero("bend_radius", self.bend_radius.map_or(0.0, |it| it.mm))?;
         let short = self.sheet[0].mm.min(self.sheet[1].mm);
         if 2.0 * self.margin.mm >= short {
             let message = format!("of {} mm on both sides leaves nothing of a sheet {short} mm wide", self.margin.mm);

@@ -1,10 +1,10 @@
-//! Previews: the input, coarse, developed and cut mesh, the developed mesh after each round, and every sheet, as PNG; what
+//! Previews: the input, coarse, developed and cut mesh, its strips, the developed mesh after each round, and every sheet, as PNG; what
 //! closeness costs, as SVG.
 use super::chart;
 use crate::{
     geom::Vec2,
     mesh::{FaceId, Id, TriMesh},
-    model::{CutMesh, DevelopableMesh, Operation, Sheets, SourceMesh},
+    model::{CutMesh, DevelopableMesh, Operation, Sheets, SourceMesh, Strips},
     render::{self, Edges, MeshStyle, RenderError, Rgb, SheetStyle, Up, palette},
 };
 
@@ -19,6 +19,8 @@ pub struct Subjects<'a> {
     pub developed: Option<&'a DevelopableMesh>,
     /// The cut mesh.
     pub cut: Option<&'a CutMesh>,
+    /// The strips.
+    pub strips: Option<&'a Strips>,
     /// The sheets.
     pub sheets: Option<&'a Sheets>,
     /// Line colours of the machine profile.
@@ -74,6 +76,9 @@ pub fn pictures<'a>(subjects: Subjects<'a>) -> Vec<Drawing<'a>> {
         };
         out.push(("preview/cut.png".into(), Box::new(draw)));
     }
+    if let Some(strips) = subjects.strips {
+        out.push(("preview/strips.png".into(), Box::new(move || draw_strips(strips, base))));
+    }
     for (i, sheet) in subjects.sheets.iter().flat_map(|it| it.sheets.iter().enumerate()) {
         let margin = subjects.sheets.map_or(0.0, |it| it.margin);
         let line = subjects.line;
@@ -85,4 +90,17 @@ pub fn pictures<'a>(subjects: Subjects<'a>) -> Vec<Drawing<'a>> {
         out.push((format!("preview/sheet-{:02}.png", i + 1), Box::new(draw)));
     }
     out
+}
+
+/// Panels with their outlines, a colour per strip, shade by their normals.
+fn draw_strips(strips: &Strips, base: MeshStyle<'_>) -> Result<Vec<u8>, RenderError> {
+    let (mesh, panels) = strips.mesh().ok_or_else(|| RenderError::Png("there are no panels".into()))?;
+    // Strips count through the job, so that neighbours have different colours.
+    let mut number = vec![0; strips.panels.len()];
+    for p in 1..strips.panels.len() {
+        let [a, b] = [&strips.panels[p - 1], &strips.panels[p]];
+        number[p] = number[p - 1] + usize::from((a.piece, a.strip) != (b.piece, b.strip));
+    }
+    let face = |f: FaceId| palette(number[panels[f.index()]]);
+    render::mesh(&mesh, &MeshStyle { face: &face, edges: Edges::Boundary, ..base })
 }

@@ -7,3 +7,4 @@ pub mod flatten;
 pub mod layout;
 pub mod nest;
 pub mod route;
+pub mod strips;

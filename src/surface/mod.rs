@@ -1,4 +1,5 @@
-//! Algorithms on surfaces that several stages share: edge collapse, charts, flattening, cut graphs, opening, subdivision.
+//! Algorithms on surfaces that several stages share: edge collapse, charts, flattening, cut graphs, opening, directions of
+//! rulings, subdivision.
 
 pub mod chart;
 pub mod collapse;
@@ -10,6 +11,7 @@ pub mod isometric;
 pub mod opening;
 pub mod overlap;
 pub mod paths;
+pub mod rulings;
 mod subdivide;
 
 pub use subdivide::subdivide;

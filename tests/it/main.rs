@@ -17,4 +17,5 @@ mod registry;
 mod send;
 mod streamed;
 mod strokes;
+mod strips;
 mod tidy;

@@ -1,0 +1,158 @@
+//! The interval dynamic programme over triangles: the decomposition of a disk by straight chords with the least error.
+//!
+//! A maximal set of chords that do not cross is a triangulation of the ring of samples; C(i, k), the least error of what
+//! lies between the chord i k and the boundary from i to k, is min over j of C(i, j) + C(j, k) + cost(i, j, k).
+use super::{
+    border::{Border, Sum},
+    chord::{Chord, Form},
+    patch::Patch,
+};
+use crate::{
+    geom::polyline::simplify,
+    numeric::{Cancelled, Monitor},
+};
+
+/// Samples that the programme aims at: it is cubic, and what it leaves open is decided between all samples afterwards.
+const TARGET: usize = 150;
+
+/// Chords of the best triangulation, as pairs i < k of samples, without boundary edges; `None` when the region has no
+/// triangulation by straight chords. Between neighbours of those that take part are at most `gap` samples.
+pub(super) fn triangulation(
+    patch: &Patch,
+    form: &Form,
+    border: &Border,
+    gap: usize,
+    monitor: &Monitor,
+) -> Result<Option<Vec<(usize, usize)>>, Cancelled> {
+    let mut target = TARGET;
+    loop {
+        let chosen = thinned(border, target, gap);
+        if let Some(chords) = Programme::new(patch, form, border, &chosen, true, monitor)?.solve(monitor)? {
+            return Ok(Some(chords));
+        }
+        if chosen.len() == border.len() {
+            return Ok(None);
+        }
+        target *= 3;
+    }
+}
+
+/// Chords of the best triangulation of a panel, by its samples: those inside it. `None` when there is none.
+pub(super) fn within(
+    patch: &Patch,
+    form: &Form,
+    border: &Border,
+    outline: &[usize],
+    monitor: &Monitor,
+) -> Result<Option<Vec<(usize, usize)>>, Cancelled> {
+    Programme::new(patch, form, border, outline, false, monitor)?.solve(monitor)
+}
+
+/// About `target` samples, at most `gap` apart: those that keep the shape of the outline, and others evenly between.
+fn thinned(border: &Border, target: usize, gap: usize) -> Vec<usize> {
+    let n = border.len();
+    if n <= target {
+        return (0..n).collect();
+    }
+    let length: f64 = (0..n).map(|i| (border.uv[(i + 1) % n] - border.uv[i]).norm()).sum();
+    let corners = simplify(&border.uv, true, length / target as f64 / 4.0, &|i| i == 0);
+    let gap = gap.min(n.div_ceil(target)).max(1);
+    let mut chosen = Vec::new();
+    for (k, &i) in corners.iter().enumerate() {
+        let end = corners.get(k + 1).copied().unwrap_or(n);
+        let parts = (end - i).div_ceil(gap);
+        chosen.extend((0..parts).map(|p| i + (end - i) * p / parts));
+    }
+    // The edge from the last sample to the first is where the programme begins; it must be one of the boundary.
+    if chosen[chosen.len() - 1] != n - 1 {
+        chosen.push(n - 1);
+    }
+    chosen
+}
+
+struct Programme {
+    /// The samples that take part.
+    chosen: Vec<usize>,
+    /// Sums from i to k; `None` where there is no chord.
+    sums: Vec<Option<Sum>>,
+}
+
+impl Programme {
+    /// With `arcs`, what lies between samples that follow one another is bounded by the boundary, otherwise by a chord.
+    fn new(
+        patch: &Patch,
+        form: &Form,
+        border: &Border,
+        chosen: &[usize],
+        arcs: bool,
+        monitor: &Monitor,
+    ) -> Result<Self, Cancelled> {
+        let n = chosen.len();
+        let mut sums = vec![None; n * n];
+        let mut scratch = Vec::new();
+        for i in 0..n {
+            monitor.check()?;
+            for k in i + 1..n {
+                let (a, b) = (chosen[i], chosen[k]);
+                sums[i * n + k] = if b == a + 1 || (arcs && k == i + 1) {
+                    Some(border.arc(a, b))
+                } else if a == 0 && b == border.len() - 1 {
+                    Some(border.back(b))
+                } else {
+                    let chord = Chord::trace(patch, form, border.vertices[a], border.vertices[b], &mut scratch);
+                    chord.map(|it| border.straight(&it, a, b))
+                };
+            }
+        }
+        Ok(Self { chosen: chosen.to_vec(), sums })
+    }
+
+    fn solve(&self, monitor: &Monitor) -> Result<Option<Vec<(usize, usize)>>, Cancelled> {
+        let n = self.chosen.len();
+        // Least errors by row and by column, so that both terms of the inner loop are read in order.
+        let mut rows = vec![f64::INFINITY; n * n];
+        let mut columns = vec![f64::INFINITY; n * n];
+        let mut apex = vec![0_u32; n * n];
+        for i in 0..n - 1 {
+            rows[i * n + i + 1] = 0.0;
+            columns[(i + 1) * n + i] = 0.0;
+        }
+        for span in 2..n {
+            monitor.check()?;
+            for i in 0..n - span {
+                let k = i + span;
+                let Some(outer) = self.sums[i * n + k] else { continue };
+                let mut best = f64::INFINITY;
+                for j in i + 1..k {
+                    let inner = rows[i * n + j] + columns[k * n + j];
+                    if inner >= best {
+                        continue;
+                    }
+                    let (Some(left), Some(right)) = (self.sums[i * n + j], self.sums[j * n + k]) else { continue };
+                    let total = inner + (left + right - outer).cost();
+                    if total < best {
+                        best = total;
+                        apex[i * n + k] = j as u32;
+                    }
+                }
+                rows[i * n + k] = best;
+                columns[k * n + i] = best;
+            }
+        }
+        if !rows[n - 1].is_finite() {
+            return Ok(None);
+        }
+        let mut chords = Vec::new();
+        let mut stack = vec![(0, n - 1)];
+        while let Some((i, k)) = stack.pop() {
+            let j = apex[i * n + k] as usize;
+            for (a, b) in [(i, j), (j, k)] {
+                if b > a + 1 {
+                    chords.push((self.chosen[a], self.chosen[b]));
+                    stack.push((a, b));
+                }
+            }
+        }
+        Ok(Some(chords))
+    }
+}
