@@ -66,7 +66,7 @@ pub enum Ruled {
     Yes,
     /// It is planar: one panel.
     Flat,
-    /// Normals do not stay the same along any set of straight lines: it is given as triangles.
+    /// It bends along any set of straight lines: it is given as triangles.
     Unreliable,
     /// No set of straight chords fills it (the flat piece folds over itself).
     Unsolved,
@@ -85,7 +85,7 @@ pub struct Strips {
     pub rulings: Vec<Ruling>,
     /// Per piece.
     pub ruled: Field<PieceId, Ruled>,
-    /// Share of the variation of the normals of each piece that remains along its rulings; 0 for a planar piece.
+    /// How much each piece bends along its rulings, in shares of how much it bends in all; 0 for a planar piece.
     pub residual: Field<PieceId, f64>,
     /// Per vertex of the cut mesh, the direction of the ruling through it in the plane with its angle doubled, times a
     /// confidence in [0, 1]: (cos 2φ, sin 2φ) c.

@@ -9,6 +9,7 @@
 mod folds;
 mod lettering;
 mod outline;
+mod rulings;
 mod seams;
 pub mod stage;
 #[cfg(test)]

@@ -2,13 +2,25 @@
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::{LayoutError, Options, layout};
+use super::{LayoutError, Options, layout, rulings};
 use crate::{
     geom::outline::check_outline,
-    model::{CutMesh, Flattening, Operation, Parts},
+    model::{CutMesh, Flattening, Operation, Parts, Strips},
     profile::{Angle, Length, Profiles},
     stage::{Check, Cx, KeyError, Section, Stage},
 };
+
+/// What is drawn of the rulings of a piece.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Rulings {
+    /// Nothing.
+    None,
+    /// Scores, mountain or valley.
+    Score,
+    /// Engraved lines.
+    Engrave,
+}
 
 /// How pieces become parts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -33,6 +45,10 @@ pub struct LayoutStage {
     pub tick: Length,
     /// Distance of the match marks along a seam, about.
     pub tick_spacing: Length,
+    /// Whether rulings are drawn, to bend or roll along; they come from the stage `strips`.
+    pub rulings: Rulings,
+    /// Distance of rulings that are drawn, at least.
+    pub ruling_spacing: Length,
 }
 
 impl Default for LayoutStage {
@@ -47,14 +63,16 @@ impl Default for LayoutStage {
             least_text: Length::mm(1.4),
             tick: Length::mm(2.5),
             tick_spacing: Length::mm(25.0),
+            rulings: Rulings::None,
+            ruling_spacing: Length::mm(10.0),
         }
     }
 }
 
 impl Stage for LayoutStage {
     const NAME: &'static str = "layout";
-    const VERSION: u32 = 3;
-    type Input = (CutMesh, Flattening);
+    const VERSION: u32 = 4;
+    type Input = (CutMesh, Flattening, Option<Strips>);
     type Output = Parts;
     type Profile = ();
     type Error = LayoutError;
@@ -71,10 +89,16 @@ impl Stage for LayoutStage {
         KeyError::range("label_from", self.label_from.mm, 0.0, 1e6)?;
         KeyError::range("name", self.name.mm, self.least_text.mm, 200.0)?;
         KeyError::range("tick", self.tick.mm, 0.5, 50.0)?;
-        KeyError::range("tick_spacing", self.tick_spacing.mm, 2.0 * self.tick.mm, 10_000.0)
+        KeyError::range("tick_spacing", self.tick_spacing.mm, 2.0 * self.tick.mm, 10_000.0)?;
+        KeyError::range("ruling_spacing", self.ruling_spacing.mm, 0.1, 10_000.0)
     }
 
-    fn run(&self, (cut, flat): (&CutMesh, &Flattening), (): &(), cx: &Cx) -> Result<Parts, LayoutError> {
+    fn run(
+        &self,
+        (cut, flat, strips): (&CutMesh, &Flattening, Option<&Strips>),
+        (): &(),
+        cx: &Cx,
+    ) -> Result<Parts, LayoutError> {
         let options = Options {
             label_from: self.label_from.mm,
             merge: self.merge.mm,
@@ -86,10 +110,16 @@ impl Stage for LayoutStage {
             tick: self.tick.mm,
             tick_spacing: self.tick_spacing.mm,
         };
-        layout(cut, flat, &options, &cx.monitor)
+        let mut parts = layout(cut, flat, &options, &cx.monitor)?;
+        if let Some(strips) = strips.filter(|_| self.rulings != Rulings::None) {
+            let score = self.rulings == Rulings::Score;
+            let (spacing, fold_angle) = (self.ruling_spacing.mm, self.fold_angle.radians);
+            rulings::draw(&mut parts, cut, strips, &rulings::Style { score, spacing, fold_angle });
+        }
+        Ok(parts)
     }
 
-    fn section(&self, _: (&CutMesh, &Flattening), (): &(), parts: &Parts) -> Section {
+    fn section(&self, _: (&CutMesh, &Flattening, Option<&Strips>), (): &(), parts: &Parts) -> Section {
         let faults: Vec<String> = parts
             .parts
             .iter()
@@ -109,6 +139,7 @@ impl Stage for LayoutStage {
             "mountain_folds": count(&|it| it == Operation::ScoreMountain),
             "valley_folds": count(&|it| it == Operation::ScoreValley),
             "match_marks": count(&|it| it == Operation::Registration),
+            "engraved_lines": count(&|it| it == Operation::Engrave),
             "unlabelled": parts.unlabelled,
             "opened_slits": opened,
         });

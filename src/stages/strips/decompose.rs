@@ -118,11 +118,14 @@ impl Decomposition {
 }
 
 impl Decomposition {
-    /// How much normals vary along the chords, in shares of how much they vary in the whole disk: the mean of the squared
-    /// spread, weighted by length, over that of the disk. 0 on an exact developable surface, about a half on a sphere.
+    /// How much the surface bends along the chords, in shares of how much it bends in all. A line of length L whose middle
+    /// is b off turns the normal by 8 b / L, which varies by (8 b / L)² / 12 along it; the mean of that, weighted by
+    /// length, over the variance of the normals in the whole disk. 0 on a developable surface, whatever the noise of its
+    /// facets; about a third on a sphere.
     pub(super) fn residual(&self, whole: &Sum) -> f64 {
         let length: f64 = self.chords.iter().map(|it| it.chord.length).sum();
-        let along: f64 = self.chords.iter().map(|it| it.chord.length * it.chord.spread.powi(2)).sum();
+        let turn = |chord: &Chord| 8.0 * chord.bow / chord.length;
+        let along: f64 = self.chords.iter().map(|it| it.chord.length * turn(&it.chord).powi(2) / 12.0).sum();
         (along / length.max(f64::MIN_POSITIVE)) / (whole.cost() / whole.flux.area).max(f64::MIN_POSITIVE)
     }
 }

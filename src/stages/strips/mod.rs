@@ -102,8 +102,8 @@ const BAND: usize = 7;
 const FINE_BAND: usize = 2;
 /// Outlines are simplified by this share of a panel's size to count its corners.
 const CORNER: f64 = 0.01;
-/// A piece has no reliable rulings when this share of the variation of its normals remains along them.
-const UNRELIABLE: f64 = 0.3;
+/// A piece has no reliable rulings when it bends along them by this share of how much it bends in all.
+const UNRELIABLE: f64 = 0.15;
 /// Tolerances tried for a number of rulings, as shares of the diagonal: from the coarsest down, each half the one before
 /// at first, then between the last two.
 const COARSEST: f64 = 0.02;

@@ -86,7 +86,7 @@ fn rulings_of_exact_surfaces_are_found() {
 fn noise_of_a_twentieth_of_an_edge_turns_rulings_little() {
     for surface in &DEVELOPABLE {
         let (out, it) =
-            solved(ruled::patch(surface, 28, 0.05), std::env::var("TOL").map_or(0.35, |it| it.parse().unwrap()));
+            solved(ruled::patch(surface, 28, 0.05), std::env::var("TOL").map_or(0.25, |it| it.parse().unwrap()));
         eprintln!("{}: {:.2} {:?}", surface.name, ruling_error(surface, &out), it.panels);
         assert!(ruling_error(surface, &out) <= 2.0, "{}: {}°", surface.name, ruling_error(surface, &out));
         assert!(it.planarity_p99 <= 0.003 && it.covered_share > 0.999, "{}: {it:?}", surface.name);
@@ -96,20 +96,24 @@ fn noise_of_a_twentieth_of_an_edge_turns_rulings_little() {
 #[test]
 fn radii_are_those_of_the_formula() {
     for surface in &DEVELOPABLE {
-        let (out, _) = solved(ruled::patch(surface, 28, 0.0), 0.05);
-        let quads: Vec<_> = out
-            .rulings
-            .iter()
-            .filter(|it| it.panels.map(|p| out.panels[p as usize].kind) == [PanelKind::Quad; 2])
-            .collect();
+        let (out, _) = solved(ruled::patch(surface, 28, 0.0), 0.1);
+        let between_quads = |it: &&Ruling| it.panels.map(|p| out.panels[p as usize].kind) == [PanelKind::Quad; 2];
+        let quads: Vec<_> = out.rulings.iter().filter(between_quads).collect();
         assert!(quads.len() > 4, "{}", surface.name);
-        for it in quads {
-            for (t, radius) in [0.0, 0.5, 1.0].iter().zip(it.radius) {
+        let errors = |t: f64, k: usize| -> Vec<f64> {
+            let error = |it: &&Ruling| {
                 let [a, b] = it.ends.map(|c| out.flat(c));
-                let expected = (surface.radius)(a + (b - a) * *t);
-                let allowed = if *t == 0.5 { 0.1 } else { 0.2 };
-                assert!((radius / expected - 1.0).abs() < allowed, "{}: {radius} for {expected}", surface.name);
-            }
+                (it.radius[k] / (surface.radius)(a + (b - a) * t) - 1.0).abs()
+            };
+            quads.iter().map(error).collect()
+        };
+        // A ruling that is turned by half a degree changes the width of a panel at its ends by a tenth.
+        for (t, k, mean, most) in [(0.0, 0, 0.1, 0.3), (0.5, 1, 0.05, 0.15), (1.0, 2, 0.1, 0.3)] {
+            let errors = errors(t, k);
+            let found = errors.iter().sum::<f64>() / errors.len() as f64;
+            let worst = errors.iter().copied().fold(0.0, f64::max);
+            eprintln!("{} {t}: {found:.3} {worst:.3}", surface.name);
+            assert!(found < mean && worst < most, "{} at {t}: mean {found}, worst {worst}", surface.name);
         }
     }
 }
