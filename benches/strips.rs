@@ -52,7 +52,16 @@ fn row(path: &Path) {
     let diagonal = mesh.bounds().diagonal();
     let energy = Field::filled(mesh.vertex_count(), 0.0);
     let input = DevelopableMesh { mesh, energy, max_deviation: 0.0, rounds: vec![], tradeoffs: vec![] };
-    let options = cut::Options { stretch: 0.005, tolerance: None, clearance: 0.002, least_opening: 1e-3, new_piece: 0.03, halvings: 1, min_area: 36.0, sheet: None };
+    let options = cut::Options {
+        stretch: 0.005,
+        tolerance: None,
+        clearance: 0.002,
+        least_opening: 1e-3,
+        new_piece: 0.03,
+        halvings: 1,
+        min_area: 36.0,
+        sheet: None,
+    };
     let start = Instant::now();
     let cut = cut(&input, &options, &Monitor::silent()).unwrap_or_else(|error| fail(&error));
     let cutting = start.elapsed().as_secs_f64();

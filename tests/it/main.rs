@@ -16,6 +16,6 @@ mod ports;
 mod registry;
 mod send;
 mod streamed;
-mod strokes;
 mod strips;
+mod strokes;
 mod tidy;
