@@ -30,7 +30,8 @@ fn developable(mesh: TriMesh) -> DevelopableMesh {
     DevelopableMesh { mesh, energy, max_deviation: 0.0, rounds: vec![], tradeoffs: vec![] }
 }
 
-fn run(mesh: TriMesh, stretch: f64) -> (DevelopableMesh, CutMesh, Flattening) {
+/// A mesh as it is, cut for a stretch, and laid flat.
+pub(crate) fn run(mesh: TriMesh, stretch: f64) -> (DevelopableMesh, CutMesh, Flattening) {
     let input = developable(mesh);
     let cut = cut(&input, &options(stretch), &Monitor::silent()).unwrap();
     let flat = flatten(&cut, &Monitor::silent()).unwrap();

@@ -2,31 +2,16 @@
 use std::collections::BTreeMap;
 
 use fabricate::{
-    mesh::{Field, TriMesh, shapes},
-    model::{CutMesh, DevelopableMesh, Flattening, PanelKind, Ruled, Strips},
+    mesh::{TriMesh, shapes},
+    model::{CutMesh, Flattening, PanelKind, Ruled, Strips},
     numeric::Monitor,
-    stages::{
-        cut::{self, cut},
-        flatten::flatten,
-        strips::{Options, Spacing, measure::quality, strips},
-    },
+    stages::strips::{Options, Spacing, measure::quality, strips},
 };
 
+use crate::pieces::run;
+
 fn pieces(mesh: TriMesh) -> (CutMesh, Flattening) {
-    let energy = Field::filled(mesh.vertex_count(), 0.0);
-    let input = DevelopableMesh { mesh, energy, max_deviation: 0.0, rounds: vec![], tradeoffs: vec![] };
-    let options = cut::Options {
-        stretch: 0.005,
-        tolerance: None,
-        clearance: 0.002,
-        least_opening: 1e-3,
-        new_piece: 0.03,
-        halvings: 1,
-        min_area: 36.0,
-        sheet: None,
-    };
-    let cut = cut(&input, &options, &Monitor::silent()).unwrap();
-    let flat = flatten(&cut, &Monitor::silent()).unwrap();
+    let (_, cut, flat) = run(mesh, 0.005);
     (cut, flat)
 }
 
