@@ -60,6 +60,8 @@ fn row(path: &Path) {
         new_piece: 0.03,
         halvings: 1,
         min_area: 36.0,
+        prefer: vec![],
+        avoid: vec![],
         sheet: None,
     };
     let start = Instant::now();
