@@ -61,6 +61,9 @@ pub(super) struct Run {
     /// Folder of the results, instead of `output.dir`
     #[arg(long, value_name = "DIR")]
     pub(super) out: Option<PathBuf>,
+    /// Cut only this part again; may be given several times
+    #[arg(long = "only", value_name = "PART")]
+    pub(super) only: Vec<String>,
     /// Override a key of the config: --set coarsen.faces=2000
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub(super) sets: Vec<String>,

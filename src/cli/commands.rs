@@ -89,7 +89,12 @@ fn job(args: &Run) -> Exit {
             return Exit::Usage;
         }
     }
-    let prepared = config_text(&args.job, &args.sets).map_err(InputError::from).and_then(|it| prepare(&it, args.seed));
+    let mut sets = args.sets.clone();
+    if !args.only.is_empty() {
+        let names: Vec<String> = args.only.iter().map(|it| format!("{it:?}")).collect();
+        sets.push(format!("nest.only=[{}]", names.join(", ")));
+    }
+    let prepared = config_text(&args.job, &sets).map_err(InputError::from).and_then(|it| prepare(&it, args.seed));
     let Prepared { plan, source, dir } = match prepared {
         Ok(it) => it,
         Err(err) => return refuse(&err),

@@ -5,10 +5,10 @@
 //! Reference" for AutoCAD 2000: the tables, the two block records with their blocks and layouts, the root dictionary.
 use std::{fmt::Display, io};
 
-use super::drawing::{Drawing, coordinate};
+use super::drawing::{CHECK_COLOR, CHECK_LAYER, Drawing, coordinate};
 use crate::{
     geom::{Box2, Vec2},
-    profile::{Color, Layer, Machine},
+    profile::{Color, Machine},
 };
 
 /// Handles of the fixed objects, hexadecimal in the file.
@@ -35,12 +35,16 @@ mod handle {
     pub(super) const APPID: u32 = 0x15;
     pub(super) const DIMSTYLE: u32 = 0x16;
     pub(super) const LAYER_ZERO: u32 = 0x17;
+    pub(super) const DASHED: u32 = 0x18;
     /// Record, block, end of block and layout of model space; those of paper space follow.
     pub(super) const MODEL: [u32; 4] = [0x20, 0x21, 0x22, 0x23];
     pub(super) const PAPER: [u32; 4] = [0x24, 0x25, 0x26, 0x27];
     /// Layers, then entities, count up from here.
     pub(super) const FIRST_FREE: u32 = 0x40;
 }
+
+/// Name of the only line type that is not continuous.
+const DASHED: &str = "DASHED";
 
 /// Some colours of the AutoCAD Colour Index; R2000 knows no others.
 const COLOR_INDEX: &[(u8, [i32; 3])] = &[
@@ -60,21 +64,50 @@ const COLOR_INDEX: &[(u8, [i32; 3])] = &[
     (14, [127, 0, 0]),
 ];
 
+/// A layer as it is written.
+pub(super) struct Drawn<'a> {
+    pub(super) name: &'a str,
+    pub(super) color: Color,
+    /// Whether it is to be printed and cut.
+    plotted: bool,
+    dashed: bool,
+    /// Points, and whether the last joins the first.
+    pub(super) lines: Vec<(Vec<Vec2>, bool)>,
+}
+
+/// The layers of a drawing, the check line last.
+pub(super) fn drawn<'m>(drawing: &Drawing<'_>, machine: &'m Machine) -> Vec<Drawn<'m>> {
+    let layers = drawing.layers(machine).into_iter().map(|(layer, lines)| Drawn {
+        name: &layer.name,
+        color: layer.color,
+        plotted: true,
+        dashed: layer.dashed,
+        lines: lines.into_iter().map(|it| (drawing.points(it), it.closed)).collect(),
+    });
+    let check = || drawing.check().map(|it| (it, false)).collect();
+    let check = (!drawing.check.is_empty()).then(|| Drawn {
+        name: CHECK_LAYER,
+        color: CHECK_COLOR,
+        plotted: false,
+        dashed: false,
+        lines: check(),
+    });
+    layers.chain(check).collect()
+}
+
 /// Writes a drawing.
 pub(super) fn write(drawing: &Drawing<'_>, machine: &Machine, out: &mut dyn io::Write) -> io::Result<()> {
-    let layers = drawing.layers(machine);
+    let layers = drawn(drawing, machine);
     let mut entities = Dxf::default();
     let mut next = handle::FIRST_FREE + layers.len() as u32;
     let mut bounds = Box2::empty();
-    for (layer, lines) in &layers {
-        for line in lines {
-            let points = drawing.points(line);
+    for layer in &layers {
+        for (points, closed) in &layer.lines {
             points.iter().for_each(|point| bounds.grow(point));
-            entities.polyline(next, &layer.name, &points, line.closed);
+            entities.polyline(next, layer.name, points, *closed);
             next += 1;
         }
     }
-    let layers: Vec<&Layer> = layers.into_iter().map(|it| it.0).collect();
     let mut dxf = Dxf::default();
     dxf.header(drawing.size, bounds, next);
     dxf.section("CLASSES", |_| ());
@@ -87,21 +120,21 @@ pub(super) fn write(drawing: &Drawing<'_>, machine: &Machine, out: &mut dyn io::
 }
 
 /// Nearest entry of the colour index by squared distance in sRGB.
-fn color_index(color: Color) -> u8 {
+pub(super) fn color_index(color: Color) -> u8 {
     let distance = |other: [i32; 3]| -> i32 { (0..3).map(|i| (i32::from(color.0[i]) - other[i]).pow(2)).sum() };
     COLOR_INDEX.iter().min_by_key(|it| distance(it.1)).map_or(7, |it| it.0)
 }
 
 /// The text of a file: pairs of a group code and a value.
 #[derive(Default)]
-struct Dxf(String);
+pub(super) struct Dxf(pub(super) String);
 
 impl Dxf {
-    fn pair(&mut self, code: u16, value: impl Display) {
+    pub(super) fn pair(&mut self, code: u16, value: impl Display) {
         self.0.push_str(&format!("{code:>3}\r\n{value}\r\n"));
     }
 
-    fn pairs(&mut self, pairs: &[(u16, &str)]) {
+    pub(super) fn pairs(&mut self, pairs: &[(u16, &str)]) {
         for (code, value) in pairs {
             self.pair(*code, value);
         }
@@ -111,12 +144,12 @@ impl Dxf {
         self.pair(code, format_args!("{handle:X}"));
     }
 
-    fn point(&mut self, code: u16, point: Vec2) {
+    pub(super) fn point(&mut self, code: u16, point: Vec2) {
         self.pair(code, coordinate(point.x));
         self.pair(code + 10, coordinate(point.y));
     }
 
-    fn section(&mut self, name: &str, content: impl FnOnce(&mut Self)) {
+    pub(super) fn section(&mut self, name: &str, content: impl FnOnce(&mut Self)) {
         self.pairs(&[(0, "SECTION"), (2, name)]);
         content(self);
         self.pair(0, "ENDSEC");
@@ -163,9 +196,9 @@ impl Dxf {
         self.pairs(&[(100, "AcDbSymbolTableRecord"), (100, class), (2, name)]);
     }
 
-    fn tables(&mut self, size: Vec2, layers: &[&Layer]) {
+    fn tables(&mut self, size: Vec2, layers: &[Drawn<'_>]) {
         self.table("VPORT", handle::VPORT_TABLE, 1, |it| it.viewport(size));
-        self.table("LTYPE", handle::LTYPE_TABLE, 3, |it| {
+        self.table("LTYPE", handle::LTYPE_TABLE, 4, |it| {
             for (handle, name, text) in [
                 (handle::BY_BLOCK, "ByBlock", ""),
                 (handle::BY_LAYER, "ByLayer", ""),
@@ -174,11 +207,15 @@ impl Dxf {
                 it.entry("LTYPE", "AcDbLinetypeTableRecord", handle, handle::LTYPE_TABLE, name);
                 it.pairs(&[(70, "0"), (3, text), (72, "65"), (73, "0"), (40, "0.0")]);
             }
+            it.entry("LTYPE", "AcDbLinetypeTableRecord", handle::DASHED, handle::LTYPE_TABLE, DASHED);
+            it.pairs(&[(70, "0"), (3, "Dashed __ __ __"), (72, "65"), (73, "2"), (40, "9.0")]);
+            it.pairs(&[(49, "6.0"), (74, "0"), (49, "-3.0"), (74, "0")]);
         });
         self.table("LAYER", handle::LAYER_TABLE, layers.len() + 1, |it| {
-            it.layer(handle::LAYER_ZERO, "0", 7);
+            let zero = Drawn { name: "0", color: Color([0; 3]), plotted: true, dashed: false, lines: Vec::new() };
+            it.layer(handle::LAYER_ZERO, &zero);
             for (handle, layer) in (handle::FIRST_FREE..).zip(layers) {
-                it.layer(handle, &layer.name, color_index(layer.color));
+                it.layer(handle, layer);
             }
         });
         self.table("STYLE", handle::STYLE_TABLE, 1, |it| {
@@ -226,11 +263,15 @@ impl Dxf {
         self.pairs(&[(71, "0"), (72, "1000"), (73, "1"), (74, "3"), (75, "0"), (76, "0"), (77, "0"), (78, "0")]);
     }
 
-    fn layer(&mut self, handle: u32, name: &str, color: u8) {
-        self.entry("LAYER", "AcDbLayerTableRecord", handle, handle::LAYER_TABLE, name);
+    fn layer(&mut self, handle: u32, layer: &Drawn<'_>) {
+        self.entry("LAYER", "AcDbLayerTableRecord", handle, handle::LAYER_TABLE, layer.name);
         self.pair(70, 0);
-        self.pair(62, color);
-        self.pairs(&[(6, "Continuous"), (370, "-3")]);
+        self.pair(62, color_index(layer.color));
+        self.pair(6, if layer.dashed { DASHED } else { "Continuous" });
+        if !layer.plotted {
+            self.pair(290, 0);
+        }
+        self.pair(370, -3);
         self.handle(390, handle::PLOT_STYLE);
     }
 

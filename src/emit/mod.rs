@@ -2,16 +2,18 @@
 
 mod drawing;
 mod dxf;
+mod dxf12;
 mod gcode;
 mod hpgl;
 pub mod obj;
+mod pdf;
 pub mod stl;
 pub mod strips;
 mod svg;
 
 use std::{collections::BTreeSet, io};
 
-pub use drawing::Drawing;
+pub use drawing::{CHECK_LAYER, Drawing};
 pub use gcode::Number;
 
 use crate::{
@@ -46,6 +48,10 @@ pub const CHORD: f64 = 0.0125;
 pub const FORMATS: &[Format] = &[
     Format { name: "svg", extension: "svg", writer: Writer::Drawing(svg::write) },
     Format { name: "dxf", extension: "dxf", writer: Writer::Drawing(dxf::write) },
+    Format { name: "dxf-r12", extension: "r12.dxf", writer: Writer::Drawing(dxf12::write) },
+    Format { name: "pdf", extension: "pdf", writer: Writer::Drawing(pdf::write) },
+    Format { name: "pdf-a4", extension: "a4.pdf", writer: Writer::Drawing(pdf::write_a4) },
+    Format { name: "pdf-letter", extension: "letter.pdf", writer: Writer::Drawing(pdf::write_letter) },
     Format { name: "gcode", extension: "nc", writer: Writer::Program(gcode::write) },
     Format {
         name: "hpgl",

@@ -7,8 +7,11 @@ use svg::{
     node::element::{Group, Path},
 };
 
-use super::drawing::{Drawing, coordinate, short};
-use crate::{geom::Vec2, profile::Machine};
+use super::drawing::{CHECK_COLOR, CHECK_LAYER, Drawing, coordinate, short};
+use crate::{
+    geom::Vec2,
+    profile::{Color, Machine},
+};
 
 /// Writes a drawing. SVG's y axis points down, so y is mirrored in the page.
 pub(super) fn write(drawing: &Drawing<'_>, machine: &Machine, out: &mut dyn io::Write) -> io::Result<()> {
@@ -19,23 +22,33 @@ pub(super) fn write(drawing: &Drawing<'_>, machine: &Machine, out: &mut dyn io::
         .set("height", format!("{height}mm"))
         .set("viewBox", format!("0 0 {width} {height}"));
     for (layer, lines) in drawing.layers(machine) {
-        let mut group = Group::new()
-            .set("inkscape:groupmode", "layer")
-            .set("inkscape:label", layer.name.as_str())
-            .set("id", layer.name.to_lowercase());
+        let mut group = group(&layer.name);
         for line in lines {
-            let path = Path::new()
-                .set("d", path_data(&drawing.points(line), line.closed, drawing.size.y))
-                .set("fill", "none")
-                .set("stroke", String::from(layer.color))
-                .set("stroke-width", short(machine.hairline.mm));
-            group = group.add(path);
+            let data = path_data(&drawing.points(line), line.closed, drawing.size.y);
+            group = group.add(path(data, layer.color, machine));
         }
         document = document.add(group);
+    }
+    if !drawing.check.is_empty() {
+        let paths = drawing.check().map(|it| path(path_data(&it, false, drawing.size.y), CHECK_COLOR, machine));
+        document = document.add(paths.fold(group(CHECK_LAYER), Group::add));
     }
     out.write_all(b"<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n")?;
     svg::write(&mut *out, &document)?;
     out.write_all(b"\n")
+}
+
+/// An empty layer.
+fn group(name: &str) -> Group {
+    Group::new().set("inkscape:groupmode", "layer").set("inkscape:label", name).set("id", name.to_lowercase())
+}
+
+fn path(data: String, color: Color, machine: &Machine) -> Path {
+    Path::new()
+        .set("d", data)
+        .set("fill", "none")
+        .set("stroke", String::from(color))
+        .set("stroke-width", short(machine.hairline.mm))
 }
 
 fn path_data(points: &[Vec2], closed: bool, height: f64) -> String {

@@ -110,6 +110,11 @@ impl Box2 {
         apart(0).hypot(apart(1))
     }
 
+    /// The box moved by `shift`.
+    pub fn moved(&self, shift: Vec2) -> Self {
+        Self { min: self.min + shift, max: self.max + shift }
+    }
+
     /// The box with `margin` added on every side.
     pub fn grown(&self, margin: f64) -> Self {
         Self { min: self.min.add_scalar(-margin), max: self.max.add_scalar(margin) }

@@ -49,6 +49,9 @@ pub enum DrawingError {
     /// Not a DXF that the reader understands.
     #[error("not a readable DXF: {0}")]
     Dxf(String),
+    /// Not a PDF that the reader understands.
+    #[error("not a readable PDF: {0}")]
+    Pdf(String),
     /// Units that are not lengths of this world.
     #[error("the DXF is drawn in {0}; expected millimetres, centimetres, metres, inches or feet")]
     Units(String),

@@ -7,7 +7,7 @@ mod strips;
 
 pub use nouns::{Artifact, Kind, Noun};
 pub use planar::{
-    Line, Mark, Opening, Operation, Part, Parts, Placement, Sheet, SheetPaths, Sheets, Toolpath, Toolpaths,
+    Joints, Line, Mark, Opening, Operation, Part, Parts, Placement, Sheet, SheetPaths, Sheets, Toolpath, Toolpaths,
 };
 pub use shape::{CutMesh, DevelopableMesh, Flattening, Overlap, Piece, PieceId, Round, Seam, SourceMesh, Tradeoff};
 pub use strips::{Corner, Panel, PanelKind, Ruled, Ruling, Strips};

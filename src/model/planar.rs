@@ -78,7 +78,7 @@ pub struct Part {
     pub name: String,
     /// Outline and holes, first point not repeated, mm.
     pub contours: Vec<Vec<Vec2>>,
-    /// Scores, text, registration marks.
+    /// Scores, text, registration marks. Lettering that found no room on the part stands beside it.
     pub marks: Vec<Mark>,
 }
 
@@ -129,8 +129,27 @@ pub struct Parts {
     pub refused: Vec<String>,
     /// Slits that were opened, one entry per part.
     pub openings: Vec<Opening>,
-    /// Lettering that found no room in its part: "seam 12 in part B".
+    /// What joins the parts.
+    pub joints: Joints,
+    /// Lettering that found no room in its part and stands beside it on the waste: "seam 12 (14.1 mm) in part B".
+    pub outside: Vec<String>,
+    /// Lettering that found no room even there.
     pub unlabelled: Vec<String>,
+}
+
+/// What joins parts along their seams.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Joints {
+    /// Tabs made.
+    pub tabs: usize,
+    /// Tabs lower than asked, because their stretch of a seam is short.
+    pub narrowed: usize,
+    /// Holes made for rivets or laces.
+    pub holes: usize,
+    /// Seams that should have tabs or holes and have none, for lack of room: "seam 12 (4.1 mm)".
+    pub missing: Vec<String>,
+    /// Tabs that cross something, one sentence each.
+    pub collisions: Vec<String>,
 }
 
 /// Where a part lies: rotate by `angle` (counter-clockwise, radians), then move by `offset`.

@@ -5,7 +5,7 @@ use crate::{
     geom::{Vec2, Vec3, arcs::ArcPath},
     mesh::{EdgeId, FaceId, Field, HalfedgeId, Id, TriMesh, VertexId},
     model::{
-        Artifact, Corner, CutMesh, DevelopableMesh, Flattening, Kind, Mark, Noun, Opening, Operation, Overlap, Panel,
+        Artifact, Corner, CutMesh, DevelopableMesh, Flattening, Joints, Kind, Mark, Noun, Opening, Operation, Overlap, Panel,
         PanelKind, Part, Parts, Piece, PieceId, Placement, Round, Ruled, Ruling, Seam, Sheet, SheetPaths, Sheets,
         SourceMesh, Strips, Toolpath, Toolpaths, Tradeoff,
     },
@@ -242,7 +242,8 @@ records! {
     Mark { operation, points, closed }
     Part { name, contours, marks }
     Opening { part, width, area }
-    Parts { parts, refused, openings, unlabelled }
+    Joints { tabs, narrowed, holes, missing, collisions }
+    Parts { parts, refused, openings, joints, outside, unlabelled }
     Placement { part, angle, offset }
     Sheet { size, parts, placements }
     Sheets { sheets, margin, gap, unplaced }

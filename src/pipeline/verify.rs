@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use crate::{
-    emit::{CHORD, File, Nouns, Subject},
-    geom::{Vec2, arcs::ArcPath},
+    emit::{CHECK_LAYER, CHORD, File, Nouns, Subject},
+    geom::{Vec2, arcs::ArcPath, outline::check_outline, signed_area},
     import::{
-        self, Drawing,
+        self, Drawing, DrawnLine,
         gcode::{self, Sense, Spindle},
     },
     model::{Line, Part},
@@ -69,7 +69,17 @@ fn compare(file: &File, nouns: &Nouns<'_>, profiles: &Profiles) -> Result<f64, S
     let text = || std::str::from_utf8(&file.bytes).map_err(|error| error.to_string());
     match file.format {
         "svg" => drawing(&import::read_svg(&file.bytes).map_err(|it| it.to_string())?, file.subject, nouns, machine),
-        "dxf" => drawing(&import::read_dxf(&file.bytes).map_err(|it| it.to_string())?, file.subject, nouns, machine),
+        "dxf" | "dxf-r12" => {
+            drawing(&import::read_dxf(&file.bytes).map_err(|it| it.to_string())?, file.subject, nouns, machine)
+        }
+        "pdf" | "pdf-a4" | "pdf-letter" => {
+            let pages = import::read_pdf(&file.bytes).map_err(|it| it.to_string())?;
+            match (file.format, pages.as_slice()) {
+                ("pdf", [page]) => drawing(page, file.subject, nouns, machine),
+                ("pdf", _) => Err(format!("{} pages, expected one", pages.len())),
+                (format, _) => tiles(pages, format, file.subject, nouns, machine),
+            }
+        }
         "gcode" => program(text()?, file.subject, nouns, machine),
         "hpgl" => plot(text()?, file.subject, nouns, machine),
         other => Err(format!("there is no reader for `{other}`")),
@@ -78,7 +88,8 @@ fn compare(file: &File, nouns: &Nouns<'_>, profiles: &Profiles) -> Result<f64, S
 
 const NO_NOUN: &str = "shows something that the job did not make";
 
-fn drawing(read: &Drawing, subject: Subject, nouns: &Nouns<'_>, machine: &Machine) -> Result<f64, String> {
+/// The lines of a sheet or part in the order of the file, the corner of its page in their coordinates, and its size.
+fn meant<'a>(subject: Subject, nouns: &Nouns<'a>, machine: &Machine) -> Result<(Vec<Line<'a>>, Vec2, Vec2), String> {
     let (page, mut lines): (Option<Vec2>, Vec<Line<'_>>) = match subject {
         Subject::Sheet(i) => {
             let sheet = nouns.sheets.and_then(|it| it.sheets.get(i)).ok_or(NO_NOUN)?;
@@ -93,16 +104,44 @@ fn drawing(read: &Drawing, subject: Subject, nouns: &Nouns<'_>, machine: &Machin
         machine.order.iter().position(|it| machine.layers[it] == *layer)
     };
     lines.sort_by_key(|it| (rank(it), machine.order.rank(it.operation)));
+    let bounds = crate::geom::Box2::of(lines.iter().flat_map(|it| it.points));
+    let (origin, size) = page.map_or((bounds.min, bounds.size()), |size| (Vec2::zeros(), size));
+    Ok((lines, origin, size))
+}
+
+fn drawing(read: &Drawing, subject: Subject, nouns: &Nouns<'_>, machine: &Machine) -> Result<f64, String> {
+    let (lines, origin, size) = meant(subject, nouns, machine)?;
+    let room_for_check = matches!(subject, Subject::Sheet(_)) && size.x > 120.0 && size.y > 10.0;
+    let worst = read.size.map_or(0.0, |read| (read - size).amax());
+    Ok(worst.max(same_lines(read, &lines, origin, room_for_check, machine)?))
+}
+
+/// Layers that hold nothing to be cut.
+const AIDS: [&str; 2] = [CHECK_LAYER, "TILE"];
+
+/// Largest distance between the lines of a page and those meant, whose corner lies at `origin`. With `checked`, there must
+/// be a line of 100 mm on its own layer.
+fn same_lines(
+    read: &Drawing,
+    lines: &[Line<'_>],
+    origin: Vec2,
+    checked: bool,
+    machine: &Machine,
+) -> Result<f64, String> {
     if !read.ignored.is_empty() {
         return Err(format!("holds what no machine cuts: {}", read.ignored.join(", ")));
     }
-    let bounds = crate::geom::Box2::of(lines.iter().flat_map(|it| it.points));
-    let (origin, size) = page.map_or((bounds.min, bounds.size()), |size| (Vec2::zeros(), size));
-    let mut worst = read.size.map_or(0.0, |read| (read - size).amax());
-    if lines.len() != read.lines.len() {
-        return Err(format!("{} lines, expected {}", read.lines.len(), lines.len()));
+    let (aids, read): (Vec<&DrawnLine>, Vec<&DrawnLine>) =
+        read.lines.iter().partition(|it| AIDS.iter().any(|aid| it.layer.eq_ignore_ascii_case(aid)));
+    let hundred = |it: &&DrawnLine| it.points.len() == 2 && (it.length() - 100.0).abs() <= LIMIT;
+    if checked && !aids.iter().any(hundred) {
+        return Err("there is no check line of 100 mm".into());
     }
-    for (i, (line, read)) in lines.iter().zip(&read.lines).enumerate() {
+    if lines.len() != read.len() {
+        return Err(format!("{} lines, expected {}", read.len(), lines.len()));
+    }
+    let mut worst = 0.0_f64;
+    for (i, (line, read)) in lines.iter().zip(&read).enumerate() {
         let layer = &machine.layers[line.operation].name;
         if !read.layer.eq_ignore_ascii_case(layer) {
             return Err(format!("line {} is on layer `{}`, expected `{layer}`", i + 1, read.layer));
@@ -112,8 +151,47 @@ fn drawing(read: &Drawing, subject: Subject, nouns: &Nouns<'_>, machine: &Machin
         }
         let meant: Vec<Vec2> = line.points.iter().map(|it| it - origin).collect();
         worst = worst.max(deviation(&meant, &read.points, line.closed).ok_or_else(|| foreign(i))?);
+        if line.operation.is_cut() {
+            let mut contour = read.points.clone();
+            if signed_area(&contour) < 0.0 {
+                contour.reverse();
+            }
+            check_outline(&[contour]).map_err(|fault| format!("line {} on layer `{layer}`: {fault}", i + 1))?;
+        }
     }
     Ok(worst)
+}
+
+/// Pages of printer paper: each shows all lines, moved, and together they leave no point out.
+fn tiles(
+    pages: Vec<Drawing>,
+    format: &str,
+    subject: Subject,
+    nouns: &Nouns<'_>,
+    machine: &Machine,
+) -> Result<f64, String> {
+    /// Printers leave at least this much of the paper free, mm.
+    const UNPRINTED: f64 = 5.0;
+    let paper = if format == "pdf-a4" { Vec2::new(210.0, 297.0) } else { Vec2::new(215.9, 279.4) };
+    let (lines, _, _) = meant(subject, nouns, machine)?;
+    let mut worst = 0.0_f64;
+    let mut windows = Vec::new();
+    for page in &pages {
+        let size = page.size.unwrap_or_else(Vec2::zeros);
+        worst = worst.max((size - paper).amax().min((size - paper.yx()).amax()));
+        let first = page.lines.iter().find(|it| !AIDS.contains(&it.layer.as_str()));
+        let (Some(first), Some(line)) = (first, lines.first()) else { return Err("a page without lines".into()) };
+        let shift = first.points[0] - line.points[0];
+        // Tiles move by whole steps; what is compared is all that is left.
+        let shift = shift.map(|it| (it * 1e4).round() / 1e4);
+        worst = worst.max(same_lines(page, &lines, -shift, true, machine)?);
+        windows.push((Vec2::repeat(UNPRINTED) - shift, size.add_scalar(-UNPRINTED) - shift));
+    }
+    let shown = |p: &Vec2| windows.iter().any(|(low, high)| p >= low && p <= high);
+    match lines.iter().flat_map(|it| it.points).find(|it| !shown(it)) {
+        Some(p) => Err(format!("the point ({:.1}, {:.1}) is on no page", p.x, p.y)),
+        None => Ok(worst),
+    }
 }
 
 fn program(text: &str, subject: Subject, nouns: &Nouns<'_>, machine: &Machine) -> Result<f64, String> {

@@ -35,10 +35,14 @@ macro_rules! built_in {
 }
 
 /// Machines known by name; the first is the default.
-pub const MACHINES: &[BuiltIn] = built_in!("machines": "drag-knife-a3", "laser-co2", "pen-plotter", "vinyl-cutter");
+pub const MACHINES: &[BuiltIn] =
+    built_in!("machines": "drag-knife-a3", "laser-co2", "pen-plotter", "vinyl-cutter", "shop");
 
 /// Materials known by name; the first is the default.
-pub const MATERIALS: &[BuiltIn] = built_in!("materials": "paper-200gsm", "felt-3mm", "plywood-3mm");
+pub const MATERIALS: &[BuiltIn] = built_in!(
+    "materials": "paper-200gsm", "paper-80gsm", "card-300gsm", "greyboard-2mm", "felt-3mm", "leather-2mm",
+    "ripstop-40gsm", "plywood-3mm", "aluminium-1mm", "steel-1mm",
+);
 
 /// Why a profile could not be had.
 #[derive(Debug, thiserror::Error)]
@@ -325,8 +329,8 @@ mod tests {
 
     #[test]
     fn every_pair_of_built_in_profiles_loads_or_says_why_not() {
-        let mut good = 0;
         for material in MATERIALS {
+            let mut good = 0;
             for machine in MACHINES {
                 let quoted = |name: &str| format!("profile = \"{name}\"");
                 match tables(&quoted(material.name), &quoted(machine.name)) {
@@ -344,8 +348,8 @@ mod tests {
                     Err(other) => panic!("{} on {}: {other}", material.name, machine.name),
                 }
             }
+            assert!(good >= 2, "{} can be worked by {good} machines", material.name);
         }
-        assert_eq!(good, 8, "paper on all four, felt and plywood on pen and laser");
     }
 
     #[test]
@@ -382,7 +386,7 @@ mod tests {
         assert!(error.to_string().contains("[material] `margn`: unknown field `margn`, expected one of"), "{error}");
 
         for (material, machine, expected) in [
-            ("profile = \"papier\"", "", "no material profile `papier`; built in are: paper-200gsm, felt-3mm"),
+            ("profile = \"papier\"", "", "no material profile `papier`; built in are: paper-200gsm, paper-80gsm"),
             ("profile = \"mine.toml\"", "", "cannot read the material profile ./mine.toml"),
             ("profile = 3", "", "[material] `profile`: must be a string, not integer"),
             ("sheet = [100]", "", "[material] `sheet`: invalid length 1"),

@@ -73,6 +73,9 @@ pub struct Layer {
     pub name: String,
     /// Stroke colour. Software that maps settings by colour tells layers apart by nothing else.
     pub color: Color,
+    /// Whether DXF files show it with the line type DASHED, as shops expect of bend lines. The lines themselves stay whole.
+    #[serde(default)]
+    pub dashed: bool,
 }
 
 /// How a machine carries out an operation, after the material has had its say.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Length, Machine, MachineKind, Tool,
+    Angle, Length, Machine, MachineKind, Tool,
     check::{Fault, Rule, at_least_zero, positive, within},
     operations::PerOperation,
 };
@@ -47,6 +47,84 @@ impl ToolPatch {
     }
 }
 
+/// What joins pieces of a material along their seams.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum JoinKind {
+    /// Edge to edge: tape, glue, solder.
+    #[default]
+    Butt,
+    /// Flaps glued under the other side.
+    Tabs,
+    /// Flaps riveted under the other side, one rivet each.
+    Rivets,
+    /// Allowance outside a sew line, with notches.
+    Allowance,
+    /// Holes along both sides, for lacing or hand stitching.
+    Holes,
+}
+
+/// Which side of a seam carries tabs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TabSides {
+    /// One side, the other where there is no room.
+    One,
+    /// Both in turn.
+    #[default]
+    Alternating,
+    /// Both.
+    Both,
+}
+
+/// How pieces of a material are joined; each kind reads only the keys that are its own.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Joining {
+    /// The kind.
+    pub kind: JoinKind,
+    /// Width of tabs or of the allowance.
+    pub width: Length,
+    /// Angle between the flanks of a tab and the seam.
+    pub angle: Angle,
+    /// Longest stretch of a seam that one tab takes.
+    pub length: Length,
+    /// Which sides carry tabs.
+    pub sides: TabSides,
+    /// Diameter of holes, for rivets too.
+    pub diameter: Length,
+    /// Distance of the middle of a hole from the edge.
+    pub inset: Length,
+    /// Distance of holes along a seam, about.
+    pub pitch: Length,
+}
+
+impl Default for Joining {
+    fn default() -> Self {
+        Self {
+            kind: JoinKind::Butt,
+            width: Length::mm(6.0),
+            angle: Angle::degrees(60.0),
+            length: Length::mm(15.0),
+            sides: TabSides::Alternating,
+            diameter: Length::mm(1.0),
+            inset: Length::mm(3.0),
+            pitch: Length::mm(4.0),
+        }
+    }
+}
+
+impl Joining {
+    fn check(&self) -> Result<(), Fault> {
+        within("join.width", self.width.mm, 0.5, 200.0)?;
+        within("join.angle", self.angle.radians.to_degrees(), 20.0, 89.0)?;
+        within("join.length", self.length.mm, 2.0, 1000.0)?;
+        within("join.diameter", self.diameter.mm, 0.2, 50.0)?;
+        within("join.inset", self.inset.mm, self.diameter.mm, 200.0)?;
+        within("join.pitch", self.pitch.mm, 2.0 * self.diameter.mm, 1000.0)
+    }
+}
+
 /// A material profile (`profiles/materials/NAME.toml`). Every figure in the built-in ones names its source.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -71,6 +149,9 @@ pub struct Material {
     /// Smallest radius to which the sheet can be rolled; absent where it may be folded, or nobody knows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bend_radius: Option<Length>,
+    /// How its pieces are joined.
+    #[serde(default)]
+    pub join: Joining,
     /// The kinds of machine that can work it, each with the settings it needs there.
     pub process: BTreeMap<MachineKind, PerOperation<ToolPatch>>,
 }
@@ -90,6 +171,7 @@ impl Rule for Material {
             let message = format!("of {} mm on both sides leaves nothing of a sheet {short} mm wide", self.margin.mm);
             return Err(Fault::new("margin", message));
         }
+        self.join.check()?;
         if self.process.is_empty() {
             return Err(Fault::new("process", "must name at least one kind of machine: laser, drag-knife, pen"));
         }

@@ -27,6 +27,8 @@ LIMIT = 1e-3
 TOOL_LIMIT = 2.0
 # What a boundary of cuts is called by the built-in profiles.
 CUT, INNER = "CUT", "CUT_INNER"
+# A line of 100 mm to measure a print or a cut by; no part of the job.
+CHECK = "CHECK"
 MM_PER_PX = 25.4 / 96
 SVG = "{http://www.w3.org/2000/svg}"
 INKSCAPE = "{http://www.inkscape.org/namespaces/inkscape}"
@@ -83,6 +85,8 @@ def contours_and_marks(lines, fault):
     """Splits (layer, points, closed) into polygons of the cuts and the lines of everything else."""
     polygons, marks = [], []
     for layer, points, closed in lines:
+        if layer == CHECK:
+            continue
         if layer not in (CUT, INNER):
             marks.append(LineString(points + points[:1] if closed else points))
             continue
@@ -163,14 +167,16 @@ def read_dxf(file, fault):
     audit = document.audit()
     for found in audit.errors + audit.fixes:
         fault(f"audit {found.code}: {found.message}")
-    fault.unless(document.dxfversion == "AC1015", f"version {document.dxfversion}, expected AC1015 (R2000)")
+    old = str(file).endswith(".r12.dxf")
+    version = "AC1009" if old else "AC1015"
+    fault.unless(document.dxfversion == version, f"version {document.dxfversion}, expected {version}")
     for name, value in (("$INSUNITS", 4), ("$MEASUREMENT", 1)):
         fault.unless(document.header.get(name) == value, f"{name} is {document.header.get(name)}, expected {value}")
     layers = {layer.dxf.name for layer in document.layers}
     lines = []
     for entity in document.modelspace():
         kind = entity.dxftype()
-        if kind not in ("LWPOLYLINE", "CIRCLE", "ARC"):
+        if kind not in (("POLYLINE",) if old else ("LWPOLYLINE", "CIRCLE", "ARC")):
             fault(f"a {kind} on {entity.dxf.layer}")
             continue
         fault.unless(entity.dxf.layer in layers, f"layer {entity.dxf.layer} is not in the table")
@@ -178,7 +184,7 @@ def read_dxf(file, fault):
         if not all(math.isfinite(c) for point in points for c in point):
             fault(f"a {kind} with a coordinate that is not finite")
             continue
-        closed = kind == "CIRCLE" or (kind == "LWPOLYLINE" and entity.closed)
+        closed = kind == "CIRCLE" or (kind == "LWPOLYLINE" and entity.closed) or (kind == "POLYLINE" and entity.is_closed)
         if closed and points[0] == points[-1]:
             points.pop()
         lines.append((entity.dxf.layer, points, closed))
@@ -389,6 +395,8 @@ def check_sheet(out, number, formats, expected, fault):
         check_resvg(f"{base}.svg", size, drawn["svg"], fault)
     for name, lines in drawn.items():
         fault.place = f"{base}.{name}"
+        lengths = [math.dist(*points) for layer, points, _ in lines if layer == CHECK and len(points) == 2]
+        fault.unless(expected.size[0] < 130 or any(abs(it - 100) <= LIMIT for it in lengths), "no check line of 100 mm")
         check_segments(lines, fault)
         polygons, marks = contours_and_marks(lines, fault)
         depth = check_nesting(polygons, expected, fault)
@@ -402,13 +410,15 @@ def check_sheet(out, number, formats, expected, fault):
             fault.place = f"{base}.{ending}"
             strokes = read(f"{base}.{ending}", fault)
             if drawn and strokes:
-                check_toolpaths(strokes, next(iter(drawn.values())), expected, fault)
+                cuts = [line for line in next(iter(drawn.values())) if line[0] != CHECK]
+                check_toolpaths(strokes, cuts, expected, fault)
             fault.unless(strokes, "nothing is cut")
 
 
 def check_part(file, expected, fault):
     fault.place = str(file)
-    match = re.fullmatch(r".+_.+_[\d.]+mm_q\d+", file.stem)
+    stem = re.sub(r"(\.r12|\.a4|\.letter)?\.[a-z]+$", "", file.name)
+    match = re.fullmatch(r".+_.+_[\d.]+mm_q\d+", stem)
     fault.unless(match, "the name is not NAME_MATERIAL_THICKNESSmm_qN")
     if file.suffix == ".dxf":
         lines = read_dxf(str(file), fault)
@@ -417,7 +427,7 @@ def check_part(file, expected, fault):
         check_resvg(str(file), size, lines, fault)
     check_segments(lines, fault)
     polygons, marks = contours_and_marks(lines, fault)
-    row = expected.named(file.stem)
+    row = expected.named(stem)
     if row is None:
         return
     outer = [shape for layer, shape in polygons if layer == CUT]

@@ -109,6 +109,11 @@ fn an_edit_of_a_late_table_runs_no_early_stage() {
         let early = ["coarsen", "develop", "cut", "flatten", "strips"].contains(&stage.as_str());
         assert_eq!(cached, early, "{stage}");
     }
+    let alone = job(out.path(), &[&mesh, "--only", "A"]);
+    let placed = alone["layout"]["placed"].as_array().unwrap();
+    assert_eq!((placed.len(), placed[0]["name"].as_str()), (1, Some("A")));
+    let unknown = job(out.path(), &[&mesh, "--only", "A", "--only", "nobody"]);
+    assert!(unknown["checks"].to_string().contains("there is no part `nobody`; there are A"), "{}", unknown["checks"]);
     let forced = job(out.path(), &[&mesh, "--from", "cut"]);
     assert!(cached(&forced).iter().all(|(name, cached)| *cached == ["coarsen", "develop"].contains(&name.as_str())));
 }

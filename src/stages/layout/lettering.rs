@@ -1,8 +1,10 @@
-//! Finding room for lettering inside a part: never over the outline, a fold, a tick or other lettering.
+//! Finding room for lettering inside a part, or beside it on the waste: never over the outline, a fold, a tick or other
+//! lettering.
 use crate::{
     geom::{
         Box2, Vec2,
         polygon::{contains, least_box_angle, segments_meet, turned},
+        polyline::ArcLength,
         segment_tree::{Segment, SegmentTree},
         stroke_font::letter,
     },
@@ -25,6 +27,15 @@ const LEADER_INSET: f64 = 0.3;
 const SHRINK: f64 = 0.8;
 /// Places tried for a name at each size.
 const NAME_PLACES: usize = 60;
+
+/// Where lettering stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Ground {
+    /// On the part.
+    Part,
+    /// Beside it, on what will be waste.
+    Waste,
+}
 
 /// A rectangle in any direction.
 #[derive(Debug, Clone, Copy)]
@@ -107,12 +118,12 @@ impl<'a> Placer<'a> {
         Self { contours, outline, lines: SegmentTree::of_segments(segments), taken: Vec::new() }
     }
 
-    /// Whether nothing lies in the rectangle or nearer to it than the clearance.
-    fn free(&self, text: &TextBox) -> bool {
+    /// Whether the rectangle lies on that ground and nothing lies in it or nearer to it than the clearance.
+    fn free(&self, text: &TextBox, ground: Ground) -> bool {
         let room = text.grown(clearance(2.0 * text.half.y));
         let corners = room.corners();
         self.lines.visit(&Box2::of(&corners), &mut |s| !room.hits(s.a, s.b))
-            && contains(self.contours, text.center)
+            && contains(self.contours, text.center) == (ground == Ground::Part)
             && !self.taken.iter().any(|it| it.overlaps(&room))
     }
 
@@ -144,21 +155,38 @@ impl<'a> Placer<'a> {
                     for (axis, deep) in [(along, size.y), (inward, size.x)] {
                         let center = at + inward * (clearance(size.y) * depth + deep / 2.0);
                         let place = TextBox { center, axis, half: size / 2.0 };
-                        if self.free(&place) {
+                        if self.free(&place, Ground::Part) {
                             return Some(self.write(&text, height, place));
                         }
                     }
                 }
             }
         }
-        self.leader(seam, side, least)
+        self.leader(seam, side, least, Ground::Part)
+    }
+
+    /// Puts the number of a seam beside it on the waste, else at the end of a leader there.
+    pub(super) fn seam_label_outside(&mut self, seam: &Measured, side: usize, height: f64) -> Option<Vec<Mark>> {
+        let text = seam.label.to_string();
+        let size = letter(&text, height).size;
+        let reach = (size.x / 2.0).min(seam.length() / 4.0);
+        for s in outwards(seam.length(), height / 4.0) {
+            let Some((at, inward)) = seam.at(side, s, reach) else { continue };
+            let center = at - inward * (1.01 * clearance(size.y) + size.y / 2.0);
+            let place = TextBox { center, axis: Vec2::new(inward.y, -inward.x), half: size / 2.0 };
+            if self.free(&place, Ground::Waste) {
+                return Some(self.write(&text, height, place));
+            }
+        }
+        self.leader(seam, side, height, Ground::Waste)
     }
 
     /// Puts the number of a seam where there is room near its middle, with a straight line from the seam to it.
-    fn leader(&mut self, seam: &Measured, side: usize, height: f64) -> Option<Vec<Mark>> {
+    fn leader(&mut self, seam: &Measured, side: usize, height: f64, ground: Ground) -> Option<Vec<Mark>> {
         let text = seam.label.to_string();
         let size = letter(&text, height).size;
         let (at, inward) = seam.at(side, seam.length() / 2.0, seam.length() / 4.0)?;
+        let inward = if ground == Ground::Part { inward } else { -inward };
         let from = at + inward * LEADER_INSET;
         for ring in 1..=LEADER_STEPS.0 {
             for k in 0..LEADER_STEPS.1 {
@@ -170,7 +198,7 @@ impl<'a> Placer<'a> {
                 let place = TextBox { center, axis, half: size / 2.0 };
                 let gap = size.x / 2.0 + clearance(height);
                 let to = center - direction * gap;
-                if (to - from).dot(&direction) > 0.0 && self.free(&place) && self.sees(from, to) {
+                if (to - from).dot(&direction) > 0.0 && self.free(&place, ground) && self.sees(from, to, ground) {
                     let mut marks = self.write(&text, height, place);
                     // The line is taken too, as a box without height.
                     let half = Vec2::new((to - from).norm() / 2.0, 0.0);
@@ -183,10 +211,10 @@ impl<'a> Placer<'a> {
         None
     }
 
-    /// Whether a straight line runs inside the part without crossing lettering or another leader; folds and ticks it may
+    /// Whether a straight line runs on that ground without crossing lettering or another leader; folds and ticks it may
     /// cross.
-    fn sees(&self, a: Vec2, b: Vec2) -> bool {
-        contains(self.contours, a)
+    fn sees(&self, a: Vec2, b: Vec2, ground: Ground) -> bool {
+        contains(self.contours, a) == (ground == Ground::Part)
             && self.outline.visit(&Box2::of([&a, &b]), &mut |s| !segments_meet(a, b, s.a, s.b))
             && !self.taken.iter().any(|it| it.hits(a, b))
     }
@@ -203,10 +231,27 @@ impl<'a> Placer<'a> {
                     // The right way up for someone who looks along +y of the part's frame.
                     let axis = if axis.x < -1e-9 { -axis } else { axis };
                     let place = TextBox { center, axis, half: size / 2.0 };
-                    if self.free(&place) {
+                    if self.free(&place, Ground::Part) {
                         return Some(self.write(name, height, place));
                     }
                 }
+            }
+        }
+        None
+    }
+
+    /// Puts the name beside the outline on the waste, along it.
+    pub(super) fn name_outside(&mut self, name: &str, height: f64) -> Option<Vec<Mark>> {
+        let size = letter(name, height).size;
+        let contour = &self.contours[0];
+        let outline = ArcLength::new(contour.iter().chain(contour.first()).copied().collect())?;
+        for s in outwards(outline.length(), height) {
+            let (at, axis) = outline.at(s);
+            let outward = Vec2::new(axis.y, -axis.x);
+            let center = at + outward * (1.01 * clearance(size.y) + size.y / 2.0);
+            let place = TextBox { center, axis, half: size / 2.0 };
+            if self.free(&place, Ground::Waste) {
+                return Some(self.write(name, height, place));
             }
         }
         None

@@ -3,15 +3,17 @@
 //! Both sides of a seam carry the same number at its middle and ticks at the same places of the developed mesh, so that
 //! edges of equal length meet point by point (the flattening keeps lengths along seams). Everything is printed on the
 //! outer side of the surface, the side that faces up when the outline runs counter-clockwise. A number that finds no room
-//! is named in [`Parts::unlabelled`], except along a slit whose two sides meet at its end and along seams too short to
-//! be promised one.
+//! on its part stands beside it on the waste and is named in [`Parts::outside`], except along a slit whose two sides meet at
+//! its end and along seams too short to be promised one.
 
 mod folds;
+mod join;
 mod lettering;
 mod outline;
 mod rulings;
 mod seams;
 pub mod stage;
+mod tabs;
 #[cfg(test)]
 mod tests;
 
@@ -23,6 +25,9 @@ use crate::{
     model::{CutMesh, Flattening, Mark, Opening, Part, Parts, PieceId},
     numeric::{Cancelled, Monitor},
 };
+use join::Body;
+
+pub use join::{Holes, Join, Sides, Tabs};
 
 /// Plain options of the kernel; millimetres and radians.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,6 +50,8 @@ pub struct Options {
     pub tick: f64,
     /// Distance of match marks along a seam, about.
     pub tick_spacing: f64,
+    /// How pieces are joined.
+    pub join: Join,
 }
 
 /// Why the stage could not work at all; a single bad piece goes to [`Parts::refused`] instead.
@@ -89,78 +96,85 @@ pub fn layout(cut: &CutMesh, flat: &Flattening, options: &Options, monitor: &Mon
         loops.entry(cut.piece_of[cut.mesh.face(path[0])]).or_default().push(path);
     }
     let mut parts = Parts::default();
+    let mut bodies: BTreeMap<PieceId, Body> = BTreeMap::new();
     for (piece, description) in cut.pieces.enumerate() {
         monitor.check()?;
         let piece: PieceId = piece;
-        monitor.progress(piece.index() as f64 / cut.pieces.len() as f64, &description.name);
         let loops = loops.remove(&piece).unwrap_or_default();
         let raw: Vec<Vec<Vec2>> =
             loops.iter().map(|path| path.iter().map(|&h| flat.uv[cut.mesh.tail(h)]).collect()).collect();
         let keep: Vec<Vec<bool>> =
             loops.iter().map(|path| path.iter().map(|&h| ends[cut.mesh.tail(h)]).collect()).collect();
-        let contours = match outline::outline(&raw, &keep, options.merge, options.slit) {
+        let name = description.name.clone();
+        match outline::outline(&raw, &keep, options.merge, options.slit) {
             Ok(found) => {
                 if found.opened {
                     let lost = area(&raw) - area(&found.contours);
-                    parts.openings.push(Opening { part: description.name.clone(), width: options.slit, area: lost });
+                    parts.openings.push(Opening { part: name.clone(), width: options.slit, area: lost });
                 }
-                found.contours
+                let marks = folds.remove(&piece).unwrap_or_default();
+                bodies.insert(piece, Body { name, contours: found.contours, marks });
             }
-            Err(reason) => {
-                parts.refused.push(format!("piece {}: {reason}", description.name));
-                continue;
-            }
-        };
-        let folds = folds.remove(&piece).unwrap_or_default();
-        let dressed = dress(cut, flat, piece, &contours, folds, &seams, options);
+            Err(reason) => parts.refused.push(format!("piece {name}: {reason}")),
+        }
+    }
+    parts.joints = join::join(&mut bodies, &seams, &options.join, options.merge, monitor)?;
+    for (piece, body) in bodies {
+        monitor.check()?;
+        monitor.progress(piece.index() as f64 / cut.pieces.len() as f64, &body.name);
+        let dressed = dress(cut, flat, piece, &body, &seams, options);
+        parts.outside.extend(dressed.outside);
         parts.unlabelled.extend(dressed.unlabelled);
-        parts.parts.push(Part { name: description.name.clone(), contours, marks: dressed.marks });
+        parts.parts.push(Part { name: body.name, contours: body.contours, marks: dressed.marks });
     }
     Ok(parts)
 }
 
-/// Marks of one part, and the lettering that found no room.
+/// Marks of one part, and the lettering that found no room in it or not even beside it.
+#[derive(Default)]
 struct Dressed {
     marks: Vec<Mark>,
+    outside: Vec<String>,
     unlabelled: Vec<String>,
 }
 
-/// Scales of the lettering of a part to try when something on it finds no room.
-const SCALES: [f64; 3] = [0.75, 0.6, 0.45];
+/// Scales of the lettering of a part to try in turn until everything finds room on it.
+const SCALES: [f64; 4] = [1.0, 0.75, 0.6, 0.45];
 
 fn dress(
     cut: &CutMesh,
     flat: &Flattening,
     piece: PieceId,
-    contours: &[Vec<Vec2>],
-    folds: Vec<Mark>,
+    body: &Body,
     seams: &[seams::Measured],
     options: &Options,
 ) -> Dressed {
-    let mut marks = folds;
+    let (name, contours) = (&body.name, &body.contours);
+    let mut marks = body.marks.clone();
     let ticks = seams::ticks(cut, flat, piece, contours, &marks, seams, options);
     marks.extend(ticks);
-    let name = &cut.pieces[piece].name;
     let mut sides: Vec<(&seams::Measured, usize)> =
         seams.iter().flat_map(|it| [(it, 0), (it, 1)]).filter(|(it, side)| it.sides[*side].piece == piece).collect();
     // Short seams have the least choice of places, so they choose first.
     sides.sort_by(|a, b| a.0.length().total_cmp(&b.0.length()));
-    let (mut lettering, mut unlabelled) = inscribe(contours, &marks, name, &sides, options, 1.0);
     // Large letters take the room of others: where one finds none, all of the part are smaller.
-    for scale in SCALES {
-        if unlabelled.is_empty() {
+    let tries = SCALES.iter().map(|&scale| inscribe(contours, &marks, name, &sides, options, scale));
+    let mut best: Option<Dressed> = None;
+    for found in tries {
+        let missing = |it: &Dressed| (it.unlabelled.len(), it.outside.len());
+        if best.as_ref().is_none_or(|it| missing(&found) < missing(it)) {
+            best = Some(found);
+        }
+        if best.as_ref().is_some_and(|it| missing(it) == (0, 0)) {
             break;
         }
-        let smaller = inscribe(contours, &marks, name, &sides, options, scale);
-        if smaller.1.len() < unlabelled.len() {
-            (lettering, unlabelled) = smaller;
-        }
     }
-    marks.extend(lettering);
-    Dressed { marks, unlabelled }
+    let lettering = best.unwrap_or_default();
+    marks.extend(lettering.marks);
+    Dressed { marks, ..lettering }
 }
 
-/// The lettering of a part at `scale` of its preferred heights, and what found no room.
+/// The lettering of a part at `scale` of its preferred heights. What has no room on the part stands beside it.
 fn inscribe(
     contours: &[Vec<Vec2>],
     marks: &[Mark],
@@ -168,20 +182,41 @@ fn inscribe(
     sides: &[(&seams::Measured, usize)],
     options: &Options,
     scale: f64,
-) -> (Vec<Mark>, Vec<String>) {
+) -> Dressed {
     let mut placer = lettering::Placer::new(contours, marks);
-    let (mut lettering, mut unlabelled) = (Vec::new(), Vec::new());
+    let mut out = Dressed::default();
     let (least, height) = (options.least_height, |height: f64| (scale * height).max(options.least_height));
+    let mut late = Vec::new();
     for &(seam, side) in sides {
         match placer.seam_label(seam, side, height(options.label_height), least) {
-            Some(strokes) => lettering.extend(strokes),
+            Some(strokes) => out.marks.extend(strokes),
             None if seam.is_slit() || seam.length() < options.label_from => {}
-            None => unlabelled.push(format!("seam {} ({:.1} mm) in part {name}", seam.label, seam.length())),
+            None => late.push((seam, side)),
         }
     }
-    match placer.name(name, height(options.name_height), least) {
-        Some(strokes) => lettering.extend(strokes),
-        None => unlabelled.push(format!("name of part {name}")),
+    let title = placer.name(name, height(options.name_height), least);
+    for (seam, side) in late {
+        let what = format!("seam {} ({:.1} mm) in part {name}", seam.label, seam.length());
+        out.beside(placer.seam_label_outside(seam, side, least), what);
     }
-    (lettering, unlabelled)
+    match title {
+        Some(strokes) => out.marks.extend(strokes),
+        None => {
+            out.beside(placer.name_outside(name, least.max(options.label_height / 2.0)), format!("name of part {name}"))
+        }
+    }
+    out
+}
+
+impl Dressed {
+    /// Adds lettering that stands on the waste, or says that there is no room even there.
+    fn beside(&mut self, lettering: Option<Vec<Mark>>, what: String) {
+        match lettering {
+            Some(strokes) => {
+                self.marks.extend(strokes);
+                self.outside.push(what);
+            }
+            None => self.unlabelled.push(what),
+        }
+    }
 }

@@ -12,7 +12,7 @@ use crate::geom::{
 /// Points that lie within this of the line between their neighbours carry no shape, mm.
 const STRAIGHT: f64 = 1e-3;
 /// Crumbs that come off when a slit is opened, and overlaps left by rounding, are dropped below this area, mm².
-const CRUMB: f64 = 0.05;
+pub(super) const CRUMB: f64 = 0.05;
 
 /// Contours as [`check_outline`] wants them.
 pub(super) struct Outline {
@@ -60,7 +60,8 @@ pub(super) fn outline(raw: &[Vec<Vec2>], keep: &[Vec<bool>], merge: f64, slit: f
     }
 }
 
-fn clean(points: &[Vec2], keep: &[bool], merge: f64) -> Vec<Vec2> {
+/// Points that carry the shape of a closed line, none nearer to the next than `merge`; those marked in `keep` stay.
+pub(super) fn clean(points: &[Vec2], keep: &[bool], merge: f64) -> Vec<Vec2> {
     let kept = merge_near(points, true, merge, &|i| keep[i]);
     let merged: Vec<Vec2> = kept.iter().map(|&i| points[i]).collect();
     simplify(&merged, true, STRAIGHT, &|i| keep[kept[i]]).into_iter().map(|i| merged[i]).collect()
@@ -94,7 +95,7 @@ fn largest(regions: &[Region]) -> Option<&Region> {
 
 /// The stretches of edges that lie nearer than `limit` to another edge with outside (or overlap) in between. Neighbours
 /// count when they turn back on each other into the material.
-fn near_edges(contours: &[Vec<Vec2>], limit: f64) -> Vec<Vec<Vec2>> {
+pub(super) fn near_edges(contours: &[Vec<Vec2>], limit: f64) -> Vec<Vec<Vec2>> {
     let tree = SegmentTree::of_contours(contours);
     let mut near: Vec<((usize, usize), f64, Vec<Vec2>)> = Vec::new();
     for &s in tree.segments() {

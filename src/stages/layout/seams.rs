@@ -11,7 +11,7 @@ use crate::{
     model::{CutMesh, Flattening, Mark, Operation, PieceId},
 };
 
-use super::Options;
+use super::{Options, join::Join};
 
 /// Ticks begin this far inside the outline, mm, so that they stay in the part where a slit was opened.
 const INSET: f64 = 0.2;
@@ -30,7 +30,7 @@ pub(super) struct Side {
     /// First and last vertex.
     ends: [VertexId; 2],
     /// +1 when the piece lies on the left of the points, −1 on the right.
-    left: f64,
+    pub(super) left: f64,
 }
 
 /// A seam with the length of the developed mesh along it: the same parameter is the same point of the surface on both
@@ -59,6 +59,22 @@ impl Measured {
         let t = ((s - self.along[k - 1]) / (self.along[k] - self.along[k - 1])).clamp(0.0, 1.0);
         let points = &self.sides[side].points;
         points[k - 1] + (points[k] - points[k - 1]) * t
+    }
+
+    /// Points of a side from one parameter to another.
+    pub(super) fn stretch(&self, side: usize, [from, to]: [f64; 2]) -> Vec<Vec2> {
+        let inner = self.along.iter().zip(&self.sides[side].points).filter(|(s, _)| from < **s && **s < to);
+        let ends = [from, to].map(|s| self.point(side, s));
+        std::iter::once(ends[0]).chain(inner.map(|it| *it.1)).chain([ends[1]]).collect()
+    }
+
+    /// End vertices and points of a side as one travels around its piece, which lies on the left.
+    pub(super) fn travelled(&self, side: usize) -> ([VertexId; 2], Vec<Vec2>) {
+        let Side { points, ends, left, .. } = &self.sides[side];
+        match *left > 0.0 {
+            true => (*ends, points.clone()),
+            false => ([ends[1], ends[0]], points.iter().rev().copied().collect()),
+        }
     }
 
     /// Point at `s` on a side and the unit normal into the piece there, taken over ±`reach` along the seam.
@@ -126,12 +142,20 @@ pub(super) fn ticks(
     let folds = SegmentTree::of_polylines(&marks.iter().map(|it| it.points.clone()).collect::<Vec<_>>());
     let own = || seams.iter().flat_map(|it| [(it, 0), (it, 1)]).filter(|(it, side)| it.sides[*side].piece == piece);
     let corners: BTreeSet<VertexId> = own().flat_map(|(it, side)| it.sides[side].ends).collect();
+    let outward = matches!(options.join, Join::Allowance(_));
+    // Notches of an allowance stand outside the seam, where they do not show on the finished thing.
+    let corners = corners.into_iter().filter(|_| !outward);
     let mut starts: Vec<(Vec2, Vec2, bool)> =
-        corners.into_iter().filter_map(|v| Some((flat.uv[v], bisector(cut, flat, v)?, true))).collect();
+        corners.filter_map(|v| Some((flat.uv[v], bisector(cut, flat, v)?, true))).collect();
     for (seam, side) in own() {
         let places = tick_places(seam.length(), options.tick_spacing);
         let reach = options.tick.min(seam.length() / 4.0);
-        starts.extend(places.into_iter().filter_map(|s| seam.at(side, s, reach)).map(|(p, n)| (p, n, false)));
+        starts.extend(
+            places
+                .into_iter()
+                .filter_map(|s| seam.at(side, s, reach))
+                .map(|(p, n)| (p, if outward { -n } else { n }, false)),
+        );
     }
     let mut ticks: Vec<[Vec2; 2]> = Vec::new();
     for (at, inward, corner) in starts {

@@ -2,11 +2,11 @@
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::{LayoutError, Options, layout, rulings};
+use super::{Holes, Join, LayoutError, Options, Sides, Tabs, layout, rulings};
 use crate::{
     geom::outline::check_outline,
-    model::{CutMesh, Flattening, Operation, Parts, Strips},
-    profile::{Angle, Length, Profiles},
+    model::{CutMesh, Flattening, Joints, Operation, Parts, Strips},
+    profile::{Angle, JoinKind, Joining, Length, Profiles, TabSides},
     stage::{Check, Cx, KeyError, Section, Stage},
 };
 
@@ -71,13 +71,15 @@ impl Default for LayoutStage {
 
 impl Stage for LayoutStage {
     const NAME: &'static str = "layout";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 6;
     type Input = (CutMesh, Flattening, Option<Strips>);
     type Output = Parts;
-    type Profile = ();
+    type Profile = Joining;
     type Error = LayoutError;
 
-    fn profile(_: &Profiles) {}
+    fn profile(profiles: &Profiles) -> Joining {
+        profiles.material.join.clone()
+    }
 
     fn check(&self) -> Result<(), KeyError> {
         KeyError::range("merge", self.merge.mm, 1e-4, 1.0)?;
@@ -96,7 +98,7 @@ impl Stage for LayoutStage {
     fn run(
         &self,
         (cut, flat, strips): (&CutMesh, &Flattening, Option<&Strips>),
-        (): &(),
+        joining: &Joining,
         cx: &Cx,
     ) -> Result<Parts, LayoutError> {
         let options = Options {
@@ -109,6 +111,7 @@ impl Stage for LayoutStage {
             least_height: self.least_text.mm,
             tick: self.tick.mm,
             tick_spacing: self.tick_spacing.mm,
+            join: join(joining),
         };
         let mut parts = layout(cut, flat, &options, &cx.monitor)?;
         if let Some(strips) = strips.filter(|_| self.rulings != Rulings::None) {
@@ -119,7 +122,7 @@ impl Stage for LayoutStage {
         Ok(parts)
     }
 
-    fn section(&self, _: (&CutMesh, &Flattening, Option<&Strips>), (): &(), parts: &Parts) -> Section {
+    fn section(&self, _: (&CutMesh, &Flattening, Option<&Strips>), _: &Joining, parts: &Parts) -> Section {
         let faults: Vec<String> = parts
             .parts
             .iter()
@@ -134,26 +137,82 @@ impl Stage for LayoutStage {
             .iter()
             .map(|it| json!({ "part": it.part, "width_mm": it.width, "area_mm2": it.area }))
             .collect();
+        let joints = &parts.joints;
         let table = json!({
             "refused": parts.refused.len(),
             "mountain_folds": count(&|it| it == Operation::ScoreMountain),
             "valley_folds": count(&|it| it == Operation::ScoreValley),
             "match_marks": count(&|it| it == Operation::Registration),
             "engraved_lines": count(&|it| it == Operation::Engrave),
+            "labels_outside": parts.outside,
             "unlabelled": parts.unlabelled,
             "opened_slits": opened,
+            "tabs": joints.tabs,
+            "narrowed_tabs": joints.narrowed,
+            "joining_holes": joints.holes,
+            "unjoined_seams": joints.missing,
         });
         Section::new("outlines", table)
             .check(Check::at_most("layout.outlines", faults.len() as f64, 0.0, "pieces", faults.join("; ")))
+            .check(Check::at_most(
+                "layout.joints",
+                joints.collisions.len() as f64,
+                0.0,
+                "collisions",
+                joints_note(joints),
+            ))
             .check(Check::at_most(
                 "layout.labels",
                 parts.unlabelled.len() as f64,
                 0.0,
                 "labels",
-                match parts.unlabelled.len() {
-                    0 => String::new(),
+                match (parts.unlabelled.len(), parts.outside.len()) {
+                    (0, 0) => String::new(),
+                    (0, _) => format!("beside their part, on the waste: {}", parts.outside.join(", ")),
                     _ => format!("no room for: {}; set a smaller layout.least_text", parts.unlabelled.join(", ")),
                 },
             ))
     }
+}
+
+/// The joint that a material asks for.
+fn join(joining: &Joining) -> Join {
+    let tabs = |rivet: Option<f64>| Tabs {
+        width: joining.width.mm,
+        angle: joining.angle.radians,
+        length: joining.length.mm,
+        sides: match joining.sides {
+            TabSides::One => Sides::One,
+            TabSides::Alternating => Sides::Alternating,
+            TabSides::Both => Sides::Both,
+        },
+        rivet,
+    };
+    match joining.kind {
+        JoinKind::Butt => Join::Butt,
+        JoinKind::Tabs => Join::Tabs(tabs(None)),
+        JoinKind::Rivets => Join::Tabs(tabs(Some(joining.diameter.mm))),
+        JoinKind::Allowance => Join::Allowance(joining.width.mm),
+        JoinKind::Holes => {
+            Join::Holes(Holes { diameter: joining.diameter.mm, inset: joining.inset.mm, pitch: joining.pitch.mm })
+        }
+    }
+}
+
+/// What collides, or what had to be left out or made smaller.
+fn joints_note(joints: &Joints) -> String {
+    if !joints.collisions.is_empty() {
+        return joints.collisions.join("; ");
+    }
+    let mut notes = Vec::new();
+    if joints.narrowed > 0 {
+        notes.push(format!(
+            "{} of {} tabs are lower than asked, because their edge is short",
+            joints.narrowed, joints.tabs
+        ));
+    }
+    if !joints.missing.is_empty() {
+        notes.push(format!("no room to join {}: use tape there", joints.missing.join(", ")));
+    }
+    notes.join("; ")
 }

@@ -10,7 +10,7 @@ use crate::{
         polyline_length, signed_area,
     },
     mesh::{EdgeId, FaceId, Field, TriMesh, VertexId},
-    model::{Operation, Piece, Seam},
+    model::{Joints, Operation, Piece, Seam},
 };
 
 const OPTIONS: Options = Options {
@@ -23,6 +23,7 @@ const OPTIONS: Options = Options {
     least_height: 1.4,
     tick: 2.5,
     tick_spacing: 25.0,
+    join: Join::Butt,
 };
 
 /// A rectangle of `columns` × `rows` squares, bent by `bends` (column, radians) about lines of constant x, with its
@@ -278,9 +279,21 @@ fn every_seam_is_numbered_on_both_sides_and_every_part_named() {
         let height = |mark: &Mark| mark.points.len();
         assert!(part.marks.iter().any(|it| it.operation == Operation::Text && height(it) > 1));
     }
-    let tiny = Options { label_height: 90.0, least_height: 90.0, ..OPTIONS };
-    let parts = layout(&input.0, &input.1, &tiny, &Monitor::silent()).unwrap();
-    assert_eq!(parts.unlabelled.iter().filter(|it| it.starts_with("seam")).count(), 2 * input.0.seams.len());
+}
+
+#[test]
+fn lettering_without_room_stands_on_the_waste_and_is_said() {
+    // Two strips 1.8 mm wide: the least letters with their clearance need 2 mm.
+    let (mesh, plane) = bent_sheet(56, 2, 0.9, &[]);
+    let middle = |f: FaceId| mesh.face_vertices(f).map(|v| plane[v.index()].x).iter().sum::<f64>() / 3.0;
+    let input = cut_apart(&mesh, &plane, |f| u32::from(middle(f) > 25.0), |_| false);
+    let parts = made(&input);
+    assert_eq!((parts.unlabelled.len(), parts.outside.len()), (0, 4), "{:?} {:?}", parts.outside, parts.unlabelled);
+    for part in &parts.parts {
+        let text: Vec<&Mark> = part.marks.iter().filter(|it| it.operation == Operation::Text).collect();
+        assert!(text.len() >= 2, "the number and the name of part {}", part.name);
+        assert!(text.iter().flat_map(|it| &it.points).all(|&p| !contains(&part.contours, p)), "part {}", part.name);
+    }
 }
 
 #[test]
@@ -296,6 +309,86 @@ fn folds_run_as_long_lines_where_the_sheet_is_bent() {
     assert_eq!((valleys.len(), mountains.len()), (1, 2));
     assert!((valleys[0] - (120.0 - 0.6)).abs() < 1e-9, "{valleys:?}");
     assert!((mountains.iter().sum::<f64>() - (120.0 - 1.2)).abs() < 1e-9, "{mountains:?}");
+}
+
+/// Two pieces 100 × 120 mm with a straight seam between them.
+fn halves() -> (CutMesh, Flattening) {
+    let (mesh, plane) = bent_sheet(50, 30, 4.0, &[]);
+    let middle = |f: FaceId| mesh.face_vertices(f).map(|v| plane[v.index()].x).iter().sum::<f64>() / 3.0;
+    cut_apart(&mesh, &plane, |f| u32::from(middle(f) > 100.0), |_| false)
+}
+
+fn joined(input: &(CutMesh, Flattening), join: Join) -> Parts {
+    let parts = layout(&input.0, &input.1, &Options { join, ..OPTIONS }, &Monitor::silent()).unwrap();
+    for part in &parts.parts {
+        assert_eq!(check_outline(&part.contours), Ok(()), "part {}", part.name);
+    }
+    parts
+}
+
+fn tabs(sides: Sides) -> Tabs {
+    Tabs { width: 6.0, angle: 1.0, length: 15.0, sides, rivet: None }
+}
+
+fn holes(parts: &Parts) -> usize {
+    parts.parts.iter().map(|it| it.contours.len() - 1).sum()
+}
+
+#[test]
+fn tabs_become_part_of_the_outline() {
+    let input = halves();
+    for (sides, count) in [(Sides::One, 8), (Sides::Alternating, 8), (Sides::Both, 16)] {
+        let parts = joined(&input, Join::Tabs(tabs(sides)));
+        let found = Joints { tabs: count, ..Joints::default() };
+        assert_eq!(parts.joints, found, "{sides:?}");
+        let gained: Vec<f64> = parts.parts.iter().map(|it| area(&it.contours) - 12_000.0).collect();
+        let tab = 6.0 * (15.0 - 6.0 / 1.0_f64.tan());
+        let total: f64 = gained.iter().sum();
+        assert!((total / (count as f64 * tab) - 1.0).abs() < 0.04, "{sides:?}: {gained:?}");
+        assert_eq!(
+            gained.iter().filter(|it| **it > tab).count(),
+            if sides == Sides::One { 1 } else { 2 },
+            "{gained:?}"
+        );
+        let folds = parts.parts.iter().flat_map(|it| &it.marks).filter(|it| it.operation == Operation::ScoreMountain);
+        assert_eq!(folds.count(), count, "{sides:?}");
+    }
+}
+
+#[test]
+fn tabs_of_crooked_seams_cross_nothing() {
+    for input in [three_pieces(), slit_piece()] {
+        for sides in [Sides::One, Sides::Alternating, Sides::Both] {
+            let parts = joined(&input, Join::Tabs(tabs(sides)));
+            assert_eq!(parts.joints.collisions, Vec::<String>::new(), "{sides:?}");
+            assert_eq!(holes(&parts), 0, "{sides:?}");
+        }
+        let sewn = joined(&input, Join::Allowance(5.0));
+        assert!(sewn.joints.missing.is_empty(), "{:?}", sewn.joints);
+    }
+}
+
+#[test]
+fn tabs_wider_than_their_edge_are_made_lower_and_counted() {
+    let wide = Tabs { width: 30.0, length: 12.0, rivet: Some(1.5), ..tabs(Sides::One) };
+    let parts = joined(&halves(), Join::Tabs(wide));
+    assert_eq!((parts.joints.tabs, parts.joints.narrowed, parts.joints.holes), (10, 10, 20));
+    assert_eq!(parts.parts.iter().map(|it| it.contours.len() - 1).collect::<Vec<_>>(), [10, 10]);
+}
+
+#[test]
+fn an_allowance_surrounds_the_seams_and_holes_match_across_them() {
+    let input = halves();
+    let sewn = joined(&input, Join::Allowance(5.0));
+    for part in &sewn.parts {
+        assert!((area(&part.contours) - 12_600.0).abs() < 0.01, "5 mm along 120 mm: {}", area(&part.contours));
+        let sew: Vec<&Mark> = part.marks.iter().filter(|it| it.operation == Operation::Sew).collect();
+        assert!(sew.len() == 1 && (polyline_length(&sew[0].points, false) - 120.0).abs() < 1e-9);
+        let notches = part.marks.iter().filter(|it| it.operation == Operation::Registration);
+        assert_eq!(notches.count(), tick_places(120.0, OPTIONS.tick_spacing).len());
+    }
+    let laced = joined(&input, Join::Holes(Holes { diameter: 1.2, inset: 4.0, pitch: 6.0 }));
+    assert_eq!((laced.joints.holes, holes(&laced)), (40, 40));
 }
 
 #[test]

@@ -1,17 +1,22 @@
 //! The `[nest]` table, and the `layout` table of the report.
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::{NestError, Options, Rotations, measure, nest};
 use crate::{
-    geom::{Box2, Vec2, polygon::area},
-    model::{Part, Parts, Sheet, Sheets},
-    profile::{Angle, Length, Profiles},
+    geom::{Box2, Vec2, polygon::area, polyline_length},
+    model::{Operation, Part, Parts, Sheet, Sheets},
+    numeric::Monitor,
+    profile::{Angle, JoinKind, Joining, Length, Profiles},
     stage::{Check, Cx, KeyError, Section, Stage},
 };
 
 /// Equal steps of a turn at which parts are tried when they may lie at any angle.
 const FREE_STEPS: usize = 8;
+/// Pairs of parts tested by default, thousands: about a second.
+const EFFORT: usize = 400;
 /// Cells along the longer side of the stock when no `resolution` is given.
 const CELLS: f64 = 600.0;
 /// Measured distances may fall short of the promise by this much of rounding, mm.
@@ -39,33 +44,60 @@ pub enum AngleWord {
     Fixed,
 }
 
+impl Angles {
+    fn kernel(&self) -> Rotations {
+        match self {
+            Self::Word(AngleWord::Free) => Rotations::Free(FREE_STEPS),
+            Self::Word(AngleWord::Grain) => Rotations::Only(vec![0.0, std::f64::consts::PI]),
+            Self::Word(AngleWord::Fixed) => Rotations::Only(vec![0.0]),
+            Self::List(angles) => Rotations::Only(angles.iter().map(|it| it.radians).collect()),
+        }
+    }
+}
+
 /// How parts are placed on sheets.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct NestStage {
     /// Width and height of the stock, instead of the material's; never more than the machine's bed.
     pub sheet: Option<[Length; 2]>,
+    /// Width and height of left-over pieces of stock, used up before whole sheets.
+    pub remnants: Vec<[Length; 2]>,
+    /// Names of the only parts to place, to cut them again; all when empty.
+    pub only: Vec<String>,
+    /// Number of sheets that the job should fit on; when it needs more, the report says at what scale it would.
+    pub fit_sheets: Option<usize>,
     /// Kept free along the edges of the stock, instead of the material's.
     pub margin: Option<Length>,
     /// Kept free between parts, instead of the material's.
     pub gap: Option<Length>,
     /// "free", "grain" (0° and 180°), "fixed", or a list of degrees.
     pub rotations: Angles,
-    /// Step of the positions that are tried; by default the longer side of the stock over 600.
+    /// Angles of single parts, by name, where they differ.
+    pub part_rotations: BTreeMap<String, Angles>,
+    /// Step of the positions of the first packing; by default the longer side of the stock over 600.
     pub resolution: Option<Length>,
-    /// Orders of the parts that are tried; more takes longer and packs tighter.
+    /// How long to search beyond the first packing, in thousands of pairs of parts that are tested; more packs tighter.
     pub effort: usize,
+    /// Give up the search after so many seconds even if the effort is not spent. The result may then differ from run to
+    /// run, and the report says so.
+    pub seconds: Option<f64>,
 }
 
 impl Default for NestStage {
     fn default() -> Self {
         Self {
             sheet: None,
+            remnants: Vec::new(),
+            only: Vec::new(),
+            fit_sheets: None,
             margin: None,
             gap: None,
             rotations: Angles::Word(AngleWord::Free),
+            part_rotations: BTreeMap::new(),
             resolution: None,
-            effort: 60,
+            effort: EFFORT,
+            seconds: None,
         }
     }
 }
@@ -77,11 +109,13 @@ pub struct Stock {
     bed: [Length; 2],
     margin: Length,
     gap: Length,
+    title: String,
+    join: Joining,
 }
 
 impl Stage for NestStage {
     const NAME: &'static str = "nest";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 3;
     const DRAWS: bool = true;
     type Input = Parts;
     type Output = Sheets;
@@ -90,12 +124,22 @@ impl Stage for NestStage {
 
     fn profile(profiles: &Profiles) -> Stock {
         let Profiles { material, machine } = profiles;
-        Stock { sheet: material.sheet, bed: machine.bed, margin: material.margin, gap: material.gap }
+        Stock {
+            sheet: material.sheet,
+            bed: machine.bed,
+            margin: material.margin,
+            gap: material.gap,
+            title: material.title.clone(),
+            join: material.join.clone(),
+        }
     }
 
     fn check(&self) -> Result<(), KeyError> {
         for side in self.sheet.iter().flatten() {
             KeyError::range("sheet", side.mm, 1.0, 100_000.0)?;
+        }
+        for side in self.remnants.iter().flatten() {
+            KeyError::range("remnants", side.mm, 1.0, 100_000.0)?;
         }
         if let Some(margin) = self.margin {
             KeyError::range("margin", margin.mm, 0.0, 10_000.0)?;
@@ -106,32 +150,33 @@ impl Stage for NestStage {
         if let Some(resolution) = self.resolution {
             KeyError::range("resolution", resolution.mm, 0.01, 100.0)?;
         }
-        if self.rotations == Angles::List(Vec::new()) {
-            return Err(KeyError { key: "rotations", message: "must name at least one angle".into() });
+        for (key, angles) in std::iter::once(("rotations", &self.rotations))
+            .chain(self.part_rotations.values().map(|it| ("part_rotations", it)))
+        {
+            if *angles == Angles::List(Vec::new()) {
+                return Err(KeyError { key, message: "must name at least one angle".into() });
+            }
+        }
+        if let Some(wanted) = self.fit_sheets {
+            KeyError::range("fit_sheets", wanted as f64, 1.0, 1e6)?;
+        }
+        if let Some(seconds) = self.seconds {
+            KeyError::range("seconds", seconds, 0.0, 1e6)?;
         }
         KeyError::range("effort", self.effort as f64, 0.0, 1e9)
     }
 
     fn run(&self, parts: &Parts, stock: &Stock, cx: &Cx) -> Result<Sheets, NestError> {
-        let sheet = self.stock_size(stock);
-        let options = Options {
-            sheet,
-            margin: self.margin.unwrap_or(stock.margin).mm,
-            gap: self.gap.unwrap_or(stock.gap).mm,
-            rotations: match &self.rotations {
-                Angles::Word(AngleWord::Free) => Rotations::Free(FREE_STEPS),
-                Angles::Word(AngleWord::Grain) => Rotations::Only(vec![0.0, std::f64::consts::PI]),
-                Angles::Word(AngleWord::Fixed) => Rotations::Only(vec![0.0]),
-                Angles::List(angles) => Rotations::Only(angles.iter().map(|it| it.radians).collect()),
-            },
-            cell: self.resolution.map_or(sheet.max() / CELLS, |it| it.mm),
-            effort: self.effort,
-            seed: cx.seed,
-        };
-        nest(parts, &options, &cx.monitor)
+        let chosen = self.chosen(parts)?;
+        let wanted = Parts { parts: chosen.iter().map(|&i| parts.parts[i].clone()).collect(), ..Parts::default() };
+        let mut sheets = nest(&wanted, &self.options(stock, cx.seed), &cx.monitor)?;
+        for placement in sheets.sheets.iter_mut().flat_map(|it| &mut it.placements) {
+            placement.part = chosen[placement.part];
+        }
+        Ok(sheets)
     }
 
-    fn section(&self, _: &Parts, stock: &Stock, sheets: &Sheets) -> Section {
+    fn section(&self, parts: &Parts, stock: &Stock, sheets: &Sheets) -> Section {
         let placed: Vec<Value> = sheets
             .sheets
             .iter()
@@ -144,43 +189,126 @@ impl Stage for NestStage {
             "parts": placed.len(),
             "density": density(sheets),
             "sheet_mm": [size.x, size.y],
+            "sheets_mm": sheets.sheets.iter().map(|it| [it.size.x, it.size.y]).collect::<Vec<_>>(),
+            // A limit in seconds gives up the promise that every run gives the same sheets.
+            "reproducible": self.seconds.is_none(),
             "placed": placed,
         });
-        let found = measure(sheets);
-        let mut section = Section::new("layout", table)
-            .check(Check::at_most("nest.overlap", found.overlaps.len() as f64, 0.0, "pairs", found.overlaps.join("; ")))
-            .check(Check::at_most(
-                "nest.unplaced",
-                sheets.unplaced.len() as f64,
-                0.0,
-                "parts",
-                match sheets.unplaced.len() {
-                    0 => String::new(),
-                    _ => {
-                        format!("{}; scale the model, cut it further, or take larger stock", sheets.unplaced.join("; "))
-                    }
-                },
-            ));
-        for (name, found, limit) in [("nest.gap", found.gap, sheets.gap), ("nest.margin", found.margin, sheets.margin)]
-        {
-            if let Some((value, place)) = found {
-                let check = Check::at_least(name, value, limit - ROUNDING, "mm", place);
-                section = section.check(Check { limit, ..check });
-            }
-        }
-        section
+        let section = Section::new("layout", table).table("shopping", shopping(parts, stock, sheets));
+        checks(sheets).into_iter().chain(self.fits(parts, stock, sheets)).fold(section, Section::check)
     }
 }
 
 impl NestStage {
-    /// The stock as it lies on the bed: turned by a quarter where more of it fits that way and parts have no grain.
+    /// Indices of the parts to place.
+    fn chosen(&self, parts: &Parts) -> Result<Vec<usize>, NestError> {
+        if self.only.is_empty() {
+            return Ok((0..parts.parts.len()).collect());
+        }
+        let index = |name: &String| {
+            let known = || parts.parts.iter().map(|it| it.name.clone()).collect::<Vec<_>>().join(", ");
+            let found = parts.parts.iter().position(|it| it.name == *name);
+            found.ok_or_else(|| NestError::UnknownPart { name: name.clone(), known: known() })
+        };
+        self.only.iter().map(index).collect()
+    }
+
+    fn options(&self, stock: &Stock, seed: u64) -> Options {
+        let sheet = self.stock_size(stock);
+        let remnants = self.remnants.iter().map(|it| self.on_bed(*it, stock));
+        Options {
+            stock: remnants.chain([sheet]).collect(),
+            margin: self.margin.unwrap_or(stock.margin).mm,
+            gap: self.gap.unwrap_or(stock.gap).mm,
+            rotations: self.rotations.kernel(),
+            part_rotations: self.part_rotations.iter().map(|(name, it)| (name.clone(), it.kernel())).collect(),
+            cell: self.resolution.map_or(sheet.max() / CELLS, |it| it.mm),
+            effort: self.effort,
+            seconds: self.seconds,
+            seed,
+        }
+    }
+
+    /// Whether the job fits on the sheets asked for, and at what scale it would.
+    fn fits(&self, parts: &Parts, stock: &Stock, sheets: &Sheets) -> Option<Check> {
+        let wanted = self.fit_sheets?;
+        let used = sheets.sheets.len() as f64;
+        let quick = Options { effort: 0, ..self.options(stock, 0) };
+        let fits = |scale: f64| {
+            let mut smaller = parts.clone();
+            smaller.parts.iter_mut().flat_map(|it| it.contours.iter_mut().flatten()).for_each(|p| *p *= scale);
+            smaller.parts.iter_mut().for_each(|it| it.marks.clear());
+            let nested = nest(&smaller, &quick, &Monitor::silent());
+            nested.is_ok_and(|it| it.sheets.len() <= wanted && it.unplaced.is_empty())
+        };
+        let whole = used <= wanted as f64 && sheets.unplaced.is_empty();
+        // Halving finds the scale to a hundredth.
+        let mut range = (0.0, 1.0);
+        while !whole && range.1 - range.0 > 0.01 {
+            let middle = (range.0 + range.1) / 2.0;
+            if fits(middle) { range.0 = middle } else { range.1 = middle }
+        }
+        let note = if whole { String::new() } else { format!("at a scale of {:.2} it would fit", range.0) };
+        let check = Check::at_most("nest.fit_sheets", used, wanted as f64, "sheets", note);
+        Some(Check { ok: whole, ..check })
+    }
+
     fn stock_size(&self, stock: &Stock) -> Vec2 {
-        let [width, height] = self.sheet.unwrap_or(stock.sheet).map(|it| it.mm);
+        self.on_bed(self.sheet.unwrap_or(stock.sheet), stock)
+    }
+
+    /// Stock as it lies on the bed: turned by a quarter where more of it fits that way and parts have no grain.
+    fn on_bed(&self, size: [Length; 2], stock: &Stock) -> Vec2 {
+        let [width, height] = size.map(|it| it.mm);
         let on_bed = |w: f64, h: f64| Vec2::new(w.min(stock.bed[0].mm), h.min(stock.bed[1].mm));
         let (upright, turned) = (on_bed(width, height), on_bed(height, width));
         let may_turn = self.rotations == Angles::Word(AngleWord::Free);
         if may_turn && turned.x * turned.y > upright.x * upright.y { turned } else { upright }
     }
+}
+
+/// Overlaps, parts left over, gap and margin.
+fn checks(sheets: &Sheets) -> Vec<Check> {
+    let found = measure(sheets);
+    let unplaced = match sheets.unplaced.len() {
+        0 => String::new(),
+        _ => format!("{}; scale the model, cut it further, or take larger stock", sheets.unplaced.join("; ")),
+    };
+    let mut checks = vec![
+        Check::at_most("nest.overlap", found.overlaps.len() as f64, 0.0, "pairs", found.overlaps.join("; ")),
+        Check::at_most("nest.unplaced", sheets.unplaced.len() as f64, 0.0, "parts", unplaced),
+    ];
+    for (name, found, limit) in [("nest.gap", found.gap, sheets.gap), ("nest.margin", found.margin, sheets.margin)] {
+        if let Some((value, place)) = found {
+            let check = Check::at_least(name, value, limit - ROUNDING, "mm", place);
+            checks.push(Check { limit, ..check });
+        }
+    }
+    checks
+}
+
+/// What has to be bought and what has to be done, in the units of a shop.
+fn shopping(parts: &Parts, stock: &Stock, sheets: &Sheets) -> Value {
+    let metres = |wanted: &dyn Fn(Operation) -> bool| -> f64 {
+        let lines = sheets.sheets.iter().flat_map(|it| &it.parts).flat_map(Part::lines);
+        lines.filter(|it| wanted(it.operation)).map(|it| polyline_length(it.points, it.closed)).sum::<f64>() / 1000.0
+    };
+    let mut list = serde_json::Map::new();
+    let mut put = |key: &str, value: Value| drop(list.insert(key.into(), value));
+    put("material", json!(stock.title));
+    put("sheets", json!(sheets.sheets.len()));
+    put("cut_m", json!(metres(&Operation::is_cut)));
+    put("fold_m", json!(metres(&|it| matches!(it, Operation::ScoreMountain | Operation::ScoreValley))));
+    match stock.join.kind {
+        // Both sides carry the line, and the thread goes along it once.
+        JoinKind::Allowance => put("seam_to_sew_m", json!(metres(&|it| it == Operation::Sew) / 2.0)),
+        // One through the flap and one through the other side are one rivet.
+        JoinKind::Rivets => put("rivets", json!(parts.joints.holes / 2)),
+        JoinKind::Holes => put("stitches", json!(parts.joints.holes / 2)),
+        JoinKind::Tabs => put("tabs_to_glue", json!(parts.joints.tabs)),
+        JoinKind::Butt => {}
+    }
+    list.into()
 }
 
 /// Area of the parts over the area of the sheets, the last one cut off a margin above its parts.

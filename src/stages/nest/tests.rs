@@ -21,7 +21,11 @@ fn star(name: String, points: usize, radius: f64, hole: f64) -> Part {
     if hole > 0.0 {
         contours.push(ring(hole, 0.9, 8).into_iter().rev().collect());
     }
-    let mark = Mark { operation: Operation::Engrave, points: vec![Vec2::zeros(), Vec2::x()], closed: false };
+    let mark = Mark {
+        operation: Operation::Engrave,
+        points: vec![Vec2::x() * 0.9 * radius, Vec2::x() * 0.92 * radius],
+        closed: false,
+    };
     Part { name, contours, marks: vec![mark] }
 }
 
@@ -36,12 +40,14 @@ fn job(count: usize) -> Parts {
 
 fn options() -> Options {
     Options {
-        sheet: Vec2::new(420.0, 297.0),
+        stock: vec![Vec2::new(420.0, 297.0)],
         margin: 5.0,
         gap: 2.0,
         rotations: Rotations::Free(8),
+        part_rotations: vec![],
         cell: 0.7,
-        effort: 6,
+        effort: 100,
+        seconds: None,
         seed: 3,
     }
 }
@@ -113,8 +119,35 @@ fn more_effort_is_never_worse() {
         let last = &sheets[sheets.len() - 1];
         (sheets.len(), Box2::of(last.parts.iter().flat_map(|it| &it.contours[0])).max.y)
     };
-    let (little, much) = (height(0), height(40));
-    assert!(much <= little, "{much:?} after {little:?}");
+    let (first, little, much) = (height(0), height(50), height(600));
+    assert!(little <= first && much <= little, "{first:?}, {little:?}, {much:?}");
+    assert!(much.0 < first.0 || much.1 < 0.97 * first.1, "{much:?} after {first:?}");
+}
+
+#[test]
+fn remnants_are_used_first_and_single_parts_keep_their_grain() {
+    let parts = job(20);
+    let stock = vec![Vec2::new(150.0, 120.0), Vec2::new(90.0, 260.0), Vec2::new(420.0, 297.0)];
+    let grain = vec![("P3".to_owned(), Rotations::Only(vec![0.0, PI]))];
+    let sheets = run(&parts, &Options { stock: stock.clone(), part_rotations: grain, ..options() });
+    check_by_brute_force(&parts, &sheets);
+    assert!(sheets.unplaced.is_empty() && sheets.sheets.len() > 2);
+    for (k, sheet) in sheets.sheets.iter().enumerate() {
+        assert_eq!(sheet.size, stock[k.min(2)]);
+        assert!(k > 1 || !sheet.parts.is_empty(), "a remnant lies idle");
+        let kept = sheet.placements.iter().filter(|it| it.part == 3);
+        assert!(kept.clone().all(|it| [0.0, PI].contains(&it.angle)));
+    }
+}
+
+#[test]
+fn a_limit_in_seconds_ends_the_search_whatever_the_effort() {
+    let parts = job(25);
+    let start = std::time::Instant::now();
+    let clock = || start.elapsed().as_secs_f64();
+    let monitor = Monitor::new(&|| false, &|_, _| (), &clock);
+    let hurried = Options { effort: usize::MAX / 2000, seconds: Some(0.05), ..options() };
+    check_by_brute_force(&parts, &nest(&parts, &hurried, &monitor).unwrap());
 }
 
 #[test]
@@ -122,7 +155,7 @@ fn small_parts_go_into_holes() {
     let mut parts = Parts { parts: vec![star("ring".into(), 12, 130.0, 60.0)], ..Parts::default() };
     parts.parts.push(star("core".into(), 5, 40.0, 0.0));
     // Too low for the core to stand beside the ring.
-    let sheets = run(&parts, &Options { sheet: Vec2::new(275.0, 275.0), ..options() });
+    let sheets = run(&parts, &Options { stock: vec![Vec2::new(275.0, 275.0)], ..options() });
     assert_eq!(sheets.sheets.len(), 1);
     check_by_brute_force(&parts, &sheets);
 }

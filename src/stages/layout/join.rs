@@ -1,0 +1,301 @@
+//! What joins pieces along their seams: glue tabs, rivets, allowance for sewing, holes for lacing.
+//!
+//! Everything is worked out on the outlines as they were flattened and added to them afterwards, so that the order of the
+//! pieces does not matter to a seam: whatever one side carries fits the other side.
+use std::collections::BTreeMap;
+
+use super::{
+    outline::{CRUMB, clean, near_edges},
+    seams::Measured,
+    tabs::{self, Tab},
+};
+use crate::{
+    geom::{
+        Vec2, boolean,
+        outline::check_outline,
+        polygon::{area, contains},
+        polyline::ArcLength,
+        segment_tree::SegmentTree,
+        signed_area,
+    },
+    mesh::VertexId,
+    model::{Joints, Mark, Operation, PieceId},
+    numeric::{Cancelled, Monitor},
+};
+
+/// How pieces are joined; lengths in mm, angles in radians.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Join {
+    /// Edge to edge, with tape or glue.
+    Butt,
+    /// Flaps that go under the other side.
+    Tabs(Tabs),
+    /// Material of this width outside the seam on both sides, to be sewn along the seam.
+    Allowance(f64),
+    /// Holes along both sides that come to lie side by side.
+    Holes(Holes),
+}
+
+/// Flaps along seams.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tabs {
+    /// How far they stand out.
+    pub width: f64,
+    /// Angle between their flanks and the seam.
+    pub angle: f64,
+    /// Longest stretch of a seam that one tab takes.
+    pub length: f64,
+    /// Which sides carry them.
+    pub sides: Sides,
+    /// Diameter of a hole for a rivet through the middle of each tab and through the other side.
+    pub rivet: Option<f64>,
+}
+
+/// Which sides of a seam carry tabs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sides {
+    /// The first side where it has room, else the second.
+    One,
+    /// In turn.
+    Alternating,
+    /// Both.
+    Both,
+}
+
+/// Holes along seams.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Holes {
+    /// Diameter.
+    pub diameter: f64,
+    /// Distance of their middle from the edge.
+    pub inset: f64,
+    /// Distance from one to the next along the seam, about.
+    pub pitch: f64,
+}
+
+/// A piece on its way to become a part.
+pub(super) struct Body {
+    pub(super) name: String,
+    pub(super) contours: Vec<Vec<Vec2>>,
+    pub(super) marks: Vec<Mark>,
+}
+
+/// Corners of the polygon that stands for a round hole.
+const CORNERS: usize = 24;
+/// Material that stays around a hole, as a share of its diameter.
+const WEB: f64 = 0.5;
+/// Shares of the width of an allowance to try.
+const NARROWER: [f64; 4] = [1.0, 0.97, 0.93, 0.87];
+/// Steps along the base of a tab in which its hinge is looked for, the least length of a hinge that is worth a fold, and its
+/// distance from the outline, mm.
+const HINGE_STEP: f64 = 0.1;
+const SHORTEST_HINGE: f64 = 1.0;
+const SETBACK: f64 = 0.3;
+/// Tabs grow by this much, mm: the outline was cleaned and may lie a little inside the seam, and both must become one.
+const ROOT: f64 = 0.05;
+
+/// Adds to the bodies what joins them.
+pub(super) fn join(
+    bodies: &mut BTreeMap<PieceId, Body>,
+    seams: &[Measured],
+    join: &Join,
+    merge: f64,
+    monitor: &Monitor,
+) -> Result<Joints, Cancelled> {
+    let mut joints = Joints::default();
+    match join {
+        Join::Butt => {}
+        Join::Tabs(options) => {
+            let made = tabs::make(bodies, seams, options, monitor)?;
+            joints.collisions = made.collisions(bodies);
+            joints.narrowed = made.narrowed;
+            joints.missing = made.missing;
+            for (piece, tabs) in made.tabs {
+                let Some(body) = bodies.get_mut(&piece) else { continue };
+                for tab in tabs {
+                    monitor.check()?;
+                    joints.tabs += usize::from(add_tab(body, &tab, merge));
+                }
+            }
+            for (piece, holes) in made.holes {
+                joints.holes += holes.len();
+                bodies.entry(piece).and_modify(|body| body.contours.extend(holes));
+            }
+        }
+        Join::Allowance(width) => {
+            for (piece, body) in bodies.iter_mut() {
+                monitor.check()?;
+                if !add_allowance(body, *piece, seams, *width, merge) {
+                    joints.missing.push(format!("part {}, which has no allowance", body.name));
+                }
+            }
+        }
+        Join::Holes(options) => {
+            let mut holes: BTreeMap<PieceId, Vec<Vec2>> = BTreeMap::new();
+            for seam in seams {
+                monitor.check()?;
+                add_holes(bodies, seam, options, &mut holes, &mut joints.missing);
+            }
+            for (piece, centers) in holes {
+                joints.holes += centers.len();
+                let round = centers.into_iter().map(|it| circle(it, options.diameter));
+                bodies.entry(piece).and_modify(|body| body.contours.extend(round));
+            }
+        }
+    }
+    Ok(joints)
+}
+
+/// A round hole, clockwise.
+pub(super) fn circle(center: Vec2, diameter: f64) -> Vec<Vec2> {
+    let turn = |k: usize| -std::f64::consts::TAU * k as f64 / CORNERS as f64;
+    (0..CORNERS).map(|k| center + diameter / 2.0 * Vec2::new(turn(k).cos(), turn(k).sin())).collect()
+}
+
+/// Whether a round hole has its web of material all around.
+pub(super) fn room_for_hole(contours: &[Vec<Vec2>], center: Vec2, diameter: f64) -> bool {
+    let needed = diameter * (0.5 + WEB);
+    let near = SegmentTree::of_contours(contours).nearest(center);
+    contains(contours, center) && near.is_some_and(|it| (it.1 - center).norm() >= needed)
+}
+
+/// Joins a tab to its piece, with a fold where it begins. `false` when the outline would not be one any more.
+fn add_tab(body: &mut Body, tab: &Tab, merge: f64) -> bool {
+    let rooted: Vec<Vec<Vec2>> =
+        boolean::offset(std::slice::from_ref(&tab.outline), ROOT).into_iter().flatten().collect();
+    match grown(&body.contours, &rooted, merge) {
+        // A tab must not close the mouth of a slit or a bay.
+        Some(contours) if contours.len() == body.contours.len() => body.contours = contours,
+        _ => return false,
+    }
+    if let Some(points) = hinge(&tab.base, &body.contours) {
+        body.marks.push(Mark { operation: Operation::ScoreMountain, points, closed: false });
+    }
+    true
+}
+
+/// The longest stretch of a tab's base that lies inside the outline, where the tab hangs on its piece; after trimming that
+/// may be less than the whole.
+fn hinge(base: &[Vec2], contours: &[Vec<Vec2>]) -> Option<Vec<Vec2>> {
+    let line = ArcLength::new(base.to_vec())?;
+    let outline = SegmentTree::of_contours(contours);
+    let inside = |s: f64| {
+        let p = line.at(s).0;
+        contains(contours, p) && outline.nearest(p).is_some_and(|it| (it.1 - p).norm() >= SETBACK)
+    };
+    let count = (line.length() / HINGE_STEP).ceil() as usize;
+    let at = |k: usize| line.length() * k as f64 / count as f64;
+    let (mut best, mut first) = ((0, 0), None);
+    for k in 0..=count {
+        if inside(at(k)) {
+            let from = *first.get_or_insert(k);
+            best = if k - from > best.1 - best.0 { (from, k) } else { best };
+        } else {
+            first = None;
+        }
+    }
+    let (from, to) = (at(best.0), at(best.1));
+    if to - from < SHORTEST_HINGE {
+        return None;
+    }
+    let between = line.along().iter().zip(base).filter(|(s, _)| from < **s && **s < to).map(|it| *it.1);
+    Some(std::iter::once(line.at(from).0).chain(between).chain([line.at(to).0]).collect())
+}
+
+/// A piece with more material, as an outline that can be cut; `None` where it cannot be one.
+fn grown(contours: &[Vec<Vec2>], more: &[Vec<Vec2>], merge: f64) -> Option<Vec<Vec<Vec2>>> {
+    let regions = boolean::union(contours, more);
+    let region = regions.into_iter().max_by(|a, b| area(a).total_cmp(&area(b)))?;
+    let kept = region.into_iter().filter(|it| signed_area(it).abs() > CRUMB);
+    let contours: Vec<Vec<Vec2>> = kept.map(|it| clean(&it, &vec![false; it.len()], merge)).collect();
+    // What touches itself in the coordinates of a file cannot be cut either.
+    (check_outline(&contours).is_ok() && near_edges(&contours, merge).is_empty()).then_some(contours)
+}
+
+/// Adds material outside all seams of a piece, and the lines to sew along. `false` where there is no outline with it.
+fn add_allowance(body: &mut Body, piece: PieceId, seams: &[Measured], width: f64, merge: f64) -> bool {
+    let sides: Vec<([VertexId; 2], Vec<Vec2>)> = seams
+        .iter()
+        .flat_map(|it| [(it, 0), (it, 1)])
+        .filter(|(it, side)| it.sides[*side].piece == piece)
+        .map(|(it, side)| it.travelled(side))
+        .collect();
+    let chains = chains(&sides);
+    // Where the allowance would leave a slit too narrow to be cut, a little less of it leaves a wider one.
+    let tried = NARROWER.iter().find_map(|share| {
+        let mut more: Vec<Vec<Vec2>> = Vec::new();
+        for (chain, closed) in &chains {
+            let line = std::slice::from_ref(chain);
+            let width = share * width;
+            let band = if *closed { boolean::thicken(line, width) } else { boolean::band(line, width) };
+            more.extend(band.into_iter().flatten());
+        }
+        let more: Vec<Vec<Vec2>> = boolean::union(&more, &[]).into_iter().flatten().collect();
+        grown(&body.contours, &more, merge)
+    });
+    let found = tried.is_some();
+    body.contours = tried.unwrap_or_else(|| std::mem::take(&mut body.contours));
+    let sew = |(_, points): ([VertexId; 2], Vec<Vec2>)| Mark { operation: Operation::Sew, points, closed: false };
+    body.marks.extend(sides.into_iter().map(sew));
+    found
+}
+
+/// Sides of seams joined where one begins at the vertex where another ends; whether each chain is closed.
+fn chains(sides: &[([VertexId; 2], Vec<Vec2>)]) -> Vec<(Vec<Vec2>, bool)> {
+    let mut used = vec![false; sides.len()];
+    let mut out = Vec::new();
+    let follows = |v: VertexId, used: &[bool]| (0..sides.len()).find(|&k| !used[k] && sides[k].0[0] == v);
+    // Open chains begin where no side ends; what is left after them is closed.
+    let open = |k: &usize| sides.iter().all(|it| it.0[1] != sides[*k].0[0]);
+    let order: Vec<usize> = (0..sides.len()).filter(open).chain(0..sides.len()).collect();
+    for first in order {
+        if used[first] {
+            continue;
+        }
+        let mut points = vec![sides[first].1[0]];
+        let mut next = Some(first);
+        let mut end = sides[first].0[0];
+        while let Some(k) = next {
+            used[k] = true;
+            points.extend(&sides[k].1[1..]);
+            end = sides[k].0[1];
+            next = follows(end, &used);
+        }
+        out.push((points, end == sides[first].0[0]));
+    }
+    out
+}
+
+/// Adds the holes of a seam where both sides have room for them.
+fn add_holes(
+    bodies: &BTreeMap<PieceId, Body>,
+    seam: &Measured,
+    options: &Holes,
+    holes: &mut BTreeMap<PieceId, Vec<Vec2>>,
+    missing: &mut Vec<String>,
+) {
+    let count = (seam.length() / options.pitch).round().max(1.0) as usize;
+    let mut made = 0;
+    for k in 0..count {
+        let s = seam.length() * (k as f64 + 0.5) / count as f64;
+        let place = |side: usize| {
+            let (at, inward) = seam.at(side, s, options.pitch / 2.0)?;
+            let (piece, center) = (seam.sides[side].piece, at + inward * options.inset);
+            let apart = |it: &Vec2| (it - center).norm() >= options.diameter * (1.0 + WEB);
+            let free = holes.get(&piece).is_none_or(|it| it.iter().all(apart));
+            let body = bodies.get(&piece)?;
+            (free && room_for_hole(&body.contours, center, options.diameter)).then_some((piece, center))
+        };
+        if let (Some(a), Some(b)) = (place(0), place(1))
+            && (a.0 != b.0 || (a.1 - b.1).norm() >= options.diameter * (1.0 + WEB))
+        {
+            for (piece, center) in [a, b] {
+                holes.entry(piece).or_default().push(center);
+            }
+            made += 1;
+        }
+    }
+    if made == 0 && !seam.is_slit() {
+        missing.push(format!("seam {} ({:.1} mm)", seam.label, seam.length()));
+    }
+}
