@@ -106,7 +106,8 @@ fn job(args: &Run) -> Exit {
     let machine = plan.profiles.machine.clone();
     let range = Range { from: args.from.clone(), to: args.to.clone() };
     let progress = show::Progress::new(args.quiet);
-    let result = pipeline::run(&plan, source, out, &range, &CANCEL, &|event| progress.tell(event));
+    // Inside the pool: from outside, each of many thousand small parallel passes would be handed over to it and waited for.
+    let result = rayon::scope(|_| pipeline::run(&plan, source, out, &range, &CANCEL, &|event| progress.tell(event)));
     progress.finish();
     match result {
         Ok(outcome) => {
