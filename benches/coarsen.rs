@@ -3,13 +3,14 @@
 //! Every run is taken between two samples of a calibration kernel (closest points on the input, which is most of what
 //! coarsening does), so that a machine that is busy or slow at the moment shows. Least of all runs.
 #![allow(clippy::print_stdout)]
+mod common;
+
 use fabricate::{
-    import::mesh::read,
     mesh::{Bvh, TriMesh, distance::sample, shapes},
     numeric::Monitor,
     stages::coarsen::{Density, IsotropicOptions, QuadricOptions, remesh, simplify},
 };
-use std::{f64::consts::PI, hint::black_box, path::Path, time::Instant};
+use std::{f64::consts::PI, hint::black_box, time::Instant};
 
 const RUNS: usize = 5;
 /// Queries of the calibration kernel.
@@ -19,13 +20,7 @@ const MAX_ERROR: f64 = 4e-3;
 const FEATURE_ANGLE: f64 = 40.0 * PI / 180.0;
 
 fn main() {
-    let paths: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with("--")).collect();
-    let mut meshes: Vec<(String, TriMesh)> = Vec::new();
-    for path in &paths {
-        let soup = read(Path::new(path)).unwrap_or_else(|error| panic!("{path}: {error}"));
-        let mesh = TriMesh::new(soup.positions, &soup.faces).unwrap_or_else(|error| panic!("{path}: {error}"));
-        meshes.push((Path::new(path).file_stem().unwrap_or_default().to_string_lossy().into_owned(), mesh));
-    }
+    let mut meshes: Vec<(String, TriMesh)> = common::words().map(|path| common::load(&path)).collect();
     if meshes.is_empty() {
         meshes.push(("torus".into(), shapes::torus(30.0, 10.0, 300, 150)));
         meshes.push(("sphere".into(), shapes::icosphere(10.0, 6)));

@@ -5,8 +5,9 @@
 //! the same steps, as they are deterministic), where nothing else is done. Seconds are those that the thread was running
 //! (Linux; elsewhere, those that passed), counted from the call of `develop`, its preparations included; median of some runs.
 #![allow(clippy::print_stdout)]
+mod common;
+
 use fabricate::{
-    import::mesh::read,
     mesh::{Field, TriMesh, shapes},
     numeric::Monitor,
     stages::develop::{
@@ -16,7 +17,6 @@ use fabricate::{
 };
 use std::{
     fs,
-    path::Path,
     sync::{
         Mutex,
         atomic::{AtomicUsize, Ordering},
@@ -45,11 +45,8 @@ struct Reached {
 }
 
 fn main() {
-    let mut args = std::env::args().skip(1).filter(|arg| !arg.starts_with("--"));
-    let mesh = args.next().map_or_else(bumpy, |path| {
-        let soup = read(Path::new(&path)).unwrap_or_else(|error| panic!("{path}: {error}"));
-        TriMesh::new(soup.positions, &soup.faces).unwrap_or_else(|error| panic!("{path}: {error}"))
-    });
+    let mut args = common::words();
+    let mesh = args.next().map_or_else(bumpy, |path| common::load(&path).1);
     let mut targets: Vec<f64> = args.map(|it| it.parse().unwrap_or_else(|error| panic!("{it}: {error}"))).collect();
     if targets.is_empty() {
         targets.extend(TARGETS);

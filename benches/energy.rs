@@ -3,15 +3,16 @@
 //! Every sample of an energy is taken between two samples of a calibration kernel (dependent multiplications and
 //! additions, bound by the clock alone), so that a machine that is busy or slow at the moment shows. Medians of all samples.
 #![allow(clippy::print_stdout)]
+mod common;
+
 use fabricate::{
-    import::mesh::read,
     mesh::{TriMesh, shapes},
     stages::develop::{
         Evaluator, Weights,
         energy::{COMPARISONS, ENERGIES, Energy},
     },
 };
-use std::{hint::black_box, path::Path, time::Instant};
+use std::{hint::black_box, time::Instant};
 
 const SAMPLES: usize = 400;
 /// Shortest sample, seconds.
@@ -19,13 +20,7 @@ const SAMPLE: f64 = 2e-4;
 const CHAIN: usize = 20_000;
 
 fn main() {
-    let paths: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with("--")).collect();
-    let mut meshes: Vec<(String, TriMesh)> = Vec::new();
-    for path in &paths {
-        let soup = read(Path::new(path)).unwrap_or_else(|error| panic!("{path}: {error}"));
-        let mesh = TriMesh::new(soup.positions, &soup.faces).unwrap_or_else(|error| panic!("{path}: {error}"));
-        meshes.push((Path::new(path).file_stem().unwrap_or_default().to_string_lossy().into_owned(), mesh));
-    }
+    let mut meshes: Vec<(String, TriMesh)> = common::words().map(|path| common::load(&path)).collect();
     if meshes.is_empty() {
         meshes.push(("torus".into(), shaken(shapes::torus(3.0, 1.0, 96, 48))));
         meshes.push(("sphere".into(), shaken(shapes::icosphere(1.0, 4))));

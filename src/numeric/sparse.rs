@@ -245,7 +245,6 @@ impl Cholesky {
         if let Some((row, column, value)) = matrix.entries().find(|it| !it.2.is_finite()) {
             return Err(SparseError::NotFinite { row, column, value });
         }
-        self.values.fill(0.0);
         let scratch = self.symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Spec::default());
         let mut memory = MemBuffer::try_new(scratch).map_err(|_| SparseError::TooLarge { unknowns })?;
         let result = self.symbolic.factorize_numeric_llt(

@@ -215,14 +215,24 @@ impl Canvas {
         }
         let (columns, rows) = self.samples(a.inf(&b).inf(&c), a.sup(&b).sup(&c));
         let depths = corners.map(|it| it.inverse_depth);
+        let sides = [(b, c), (c, a), (a, b)].map(|(from, to)| (from, (to - from) / area));
         for row in rows {
-            for column in columns.clone() {
-                let at = Vec2::new(column as f64 + 0.5, row as f64 + 0.5);
-                let weights = [cross2(c - b, at - b), cross2(a - c, at - c), cross2(b - a, at - a)].map(|it| it / area);
-                if weights.iter().any(|&it| it < 0.0) {
-                    continue;
+            let y = row as f64 + 0.5;
+            // Along a row each barycentric coordinate is linear, so the samples inside are those between two columns.
+            let lines = sides.map(|(from, side)| (side.x * (y - from.y) + side.y * from.x, -side.y));
+            let (mut low, mut high) = (columns.start as f64, columns.end as f64);
+            for (at_zero, slope) in lines {
+                let root = -at_zero / slope - 0.5;
+                match slope.total_cmp(&0.0) {
+                    _ if slope == 0.0 => high = if at_zero < 0.0 { low } else { high },
+                    std::cmp::Ordering::Greater => low = low.max(root.ceil()),
+                    _ => high = high.min(root.floor() + 1.0),
                 }
-                let depth = (0..3).map(|i| weights[i] * depths[i]).sum::<f64>() as f32;
+            }
+            let depth_at_zero: f64 = (0..3).map(|i| lines[i].0 * depths[i]).sum();
+            let depth_slope: f64 = (0..3).map(|i| lines[i].1 * depths[i]).sum();
+            for column in low as usize..high.max(low) as usize {
+                let depth = (depth_at_zero + depth_slope * (column as f64 + 0.5)) as f32;
                 let sample = row * self.width + column;
                 if depth > self.inverse_depth[sample] {
                     self.inverse_depth[sample] = depth;
@@ -239,7 +249,14 @@ impl Canvas {
         let reach = Vec2::repeat(radius);
         let (columns, rows) = self.samples(a.at.inf(&b.at) - reach, a.at.sup(&b.at) + reach);
         for row in rows {
-            for column in columns.clone() {
+            // The columns where the row crosses the strip about the line.
+            let middle = a.at.x + (row as f64 + 0.5 - a.at.y) * along.x / along.y;
+            let half = radius * (length.sqrt() / along.y).abs();
+            let (low, high) = (middle - half - 1.0, middle + half + 1.0);
+            // Without bounds where the line runs along the row, and they are infinite or no numbers.
+            let low = if low > columns.start as f64 { low as usize } else { columns.start };
+            let high = if high < columns.end as f64 { high.max(0.0) as usize } else { columns.end };
+            for column in low..high {
                 let at = Vec2::new(column as f64 + 0.5, row as f64 + 0.5);
                 let t = if length > 0.0 { ((at - a.at).dot(&along) / length).clamp(0.0, 1.0) } else { 0.0 };
                 if (at - a.at - t * along).norm_squared() > radius * radius {
@@ -260,6 +277,7 @@ impl Canvas {
         let [top, bottom] = SKY.map(|it| it.map(decode));
         let samples = SAMPLES as usize;
         let share = 1.0 / (samples * samples) as f64;
+        let plain: Vec<Rgb> = lights.iter().map(|light| light.map(encode)).collect();
         let mut pixels = Vec::with_capacity((width * height) as usize);
         for row in 0..height as usize {
             let down = row as f64 / f64::from(height);
@@ -268,8 +286,9 @@ impl Canvas {
             for column in 0..width as usize {
                 let block = (0..samples * samples)
                     .map(|i| (row * samples + i / samples) * self.width + column * samples + i % samples);
-                if block.clone().all(|it| self.face[it] == 0 && self.ink[it] == 0.0) {
-                    pixels.push(empty);
+                let first = self.face[row * samples * self.width + column * samples];
+                if block.clone().all(|it| self.face[it] == first && self.ink[it] == 0.0) {
+                    pixels.push(if first == 0 { empty } else { plain[first as usize] });
                     continue;
                 }
                 let mut sum = [0.0; 3];

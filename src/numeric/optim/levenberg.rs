@@ -29,8 +29,8 @@ impl Levenberg {
     /// Share of the predicted decrease along the step that must be reached.
     const ARMIJO: f64 = 1e-4;
     /// Shortening of a step that did not, and how often.
-    const SHORTEN: f64 = 0.4;
-    const TRIES: usize = 6;
+    const SHORTEN: f64 = 0.6;
+    const TRIES: usize = 10;
     /// Dampings tried in a row without any step before giving up.
     const FAILURES: usize = 8;
 

@@ -1,6 +1,10 @@
 //! Closeness to the source as a dead zone in both directions: w Σ c (d − t)₊² over samples of either surface, d their
 //! distance to the other one.
 //!
+//! Within the zone a weak pull p/V Σ h(d/t) over the vertices, h(s) = s but rounded near 0, draws the moving mesh towards the
+//! source: among shapes of nearly the same energy the closest is wanted, and energy + p · mean distance has the best of them
+//! as its minima.
+//!
 //! Each sample holds its closest point of the latest query. From then on the distance to that point is an upper bound of
 //! the true one, equal to it and with the same gradient where it was queried. So the term majorises the true one: it never
 //! misses a violation, and a sample inside the zone needs no query at all.
@@ -9,9 +13,11 @@ use rayon::prelude::*;
 use super::set_positions;
 use crate::{
     geom::Vec3,
-    mesh::{Bvh, FaceId, Id, TriMesh},
+    mesh::{Bvh, FaceId, HalfedgeId, Id, TriMesh},
 };
 
+/// Distance over the half width of the zone below which the pull fades.
+const FADE: f64 = 0.1;
 /// Samples per task.
 const BLOCK: usize = 2048;
 
@@ -41,6 +47,28 @@ impl Sample {
     }
 }
 
+/// The pull on one vertex.
+#[derive(Debug, Clone, Copy)]
+struct Attraction {
+    /// p/V.
+    scale: f64,
+    /// t.
+    band: f64,
+}
+
+impl Attraction {
+    /// Value, first and second derivative at some distance.
+    fn at(self, distance: f64) -> (f64, f64, f64) {
+        let Self { scale, band } = self;
+        let (s, slope) = (distance / band, scale / band);
+        if s < FADE {
+            (scale * 0.5 * s * s / FADE, slope * s / FADE, slope / (band * FADE))
+        } else {
+            (scale * (s - 0.5 * FADE), slope, 0.0)
+        }
+    }
+}
+
 /// The fidelity term. Lengths are in the unit of the moving mesh; the source is in mm.
 #[derive(Debug)]
 pub(super) struct Fidelity<'a> {
@@ -54,6 +82,10 @@ pub(super) struct Fidelity<'a> {
     pub(super) band: f64,
     /// w.
     pub(super) weight: f64,
+    /// p.
+    pub(super) pull: f64,
+    /// How many of `outward`, from the first, are the vertices.
+    vertices: usize,
     /// Points of the moving mesh, with their closest points of the source.
     outward: Vec<Sample>,
     /// Points of the source, with their closest points of the moving mesh.
@@ -72,11 +104,16 @@ impl<'a> Fidelity<'a> {
             tree: Bvh::new(mesh),
             band,
             weight,
+            pull: 0.0,
+            vertices: 0,
             outward: Vec::new(),
             inward: Vec::new(),
             pulls: Vec::new(),
         };
-        fidelity.add_outward(&own_samples(mesh), 1.0);
+        let vertices = vertex_samples(mesh);
+        fidelity.vertices = vertices.len();
+        fidelity.add_outward(&vertices, 1.0);
+        fidelity.add_outward(&face_samples(mesh), 1.0);
         fidelity.add_inward(points, 1.0);
         fidelity
     }
@@ -150,6 +187,15 @@ impl<'a> Fidelity<'a> {
                 };
             });
         }
+        let (attraction, count) = (self.attraction(), self.pulled().len());
+        for (pull, sample) in self.pulls.iter_mut().zip(&self.outward[..count]) {
+            let offset = sample.offset(x);
+            let (value, slope, _) = attraction.at(offset.norm());
+            if slope > 0.0 {
+                let d = offset * (slope / offset.norm());
+                *pull = [pull[0] + d.x, pull[1] + d.y, pull[2] + d.z, pull[3] + value];
+            }
+        }
         let mut sum = 0.0;
         for (pull, sample) in self.pulls.iter().zip(self.outward.iter().chain(&self.inward)) {
             if pull[3] == 0.0 {
@@ -163,6 +209,15 @@ impl<'a> Fidelity<'a> {
         sum
     }
 
+    /// The samples that are pulled.
+    fn pulled(&self) -> &[Sample] {
+        &self.outward[..if self.pull > 0.0 { self.vertices } else { 0 }]
+    }
+
+    fn attraction(&self) -> Attraction {
+        Attraction { scale: self.pull / self.vertices as f64, band: self.band }
+    }
+
     /// Hands out, per sample outside the zone at `x`, its face with its vertices, its barycentric coordinates there, and the
     /// Hessian by its point with the closest point held: 2 w c [n nᵀ + s (I − n nᵀ)], s = (d − t)/d.
     pub(super) fn curvature(
@@ -170,6 +225,15 @@ impl<'a> Fidelity<'a> {
         x: &[f64],
         mut add: impl FnMut(FaceId, [u32; 3], [f64; 3], &nalgebra::Matrix3<f64>),
     ) {
+        let attraction = self.attraction();
+        for sample in self.pulled() {
+            let offset = sample.offset(x);
+            let (_, _, bend) = attraction.at(offset.norm());
+            if bend > 0.0 && offset.norm() > 0.0 {
+                let normal = offset.normalize();
+                add(sample.face, sample.vertices, sample.weights, &(normal * normal.transpose() * bend));
+            }
+        }
         for sample in self.outward.iter().chain(&self.inward) {
             let offset = sample.offset(x);
             let distance = offset.norm();
@@ -209,27 +273,42 @@ impl<'a> Fidelity<'a> {
     }
 }
 
+impl Fidelity<'_> {
+    /// Queries the closest points of all pulled vertices anew; [`Self::refresh`] leaves alone those in the zone. Returns
+    /// whether there are any.
+    pub(super) fn refresh_pulled(&mut self, x: &[f64]) -> bool {
+        let (source, unit, count) = (self.source, self.unit, self.pulled().len());
+        self.outward[..count].par_iter_mut().with_min_len(BLOCK).for_each(|it| {
+            let closest = source.closest_from(it.point(x) * unit, it.hint);
+            (it.source, it.hint) = (closest.point / unit, closest.face);
+        });
+        count > 0
+    }
+}
+
 fn position(x: &[f64], v: u32) -> Vec3 {
     let at = 3 * v as usize;
     Vec3::new(x[at], x[at + 1], x[at + 2])
 }
 
-/// Vertices, face centroids, and where a face is large for the mesh three or six points more in it.
-fn own_samples(mesh: &TriMesh) -> Vec<(FaceId, [f64; 3])> {
+/// Every vertex, as a corner of one of its faces.
+fn vertex_samples(mesh: &TriMesh) -> Vec<(FaceId, [f64; 3])> {
+    let corner = |h: HalfedgeId| {
+        let mut weights = [0.0; 3];
+        weights[h.index() % 3] = 1.0;
+        (mesh.face(h), weights)
+    };
+    mesh.vertices().filter_map(|v| mesh.outgoing(v).next()).map(corner).collect()
+}
+
+/// Face centroids, and where a face is large for the mesh three or six points more in it.
+fn face_samples(mesh: &TriMesh) -> Vec<(FaceId, [f64; 3])> {
     /// Area over the mean area from which edge midpoints, and points between them and the corners, are sampled too.
     const LARGE: [f64; 2] = [1.5, 4.0];
     const MIDPOINTS: [[f64; 3]; 3] = [[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]];
     const SIXTHS: [[f64; 3]; 3] =
         [[2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0], [1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0], [1.0 / 6.0, 1.0 / 6.0, 2.0 / 3.0]];
-    let mut samples: Vec<_> = mesh
-        .vertices()
-        .filter_map(|v| mesh.outgoing(v).next())
-        .map(|h| {
-            let mut weights = [0.0; 3];
-            weights[h.index() % 3] = 1.0;
-            (mesh.face(h), weights)
-        })
-        .collect();
+    let mut samples = Vec::new();
     let mean = mesh.total_area() / mesh.face_count() as f64;
     for face in mesh.faces() {
         let ratio = mesh.area(face) / mean;
@@ -276,6 +355,7 @@ mod tests {
         let tree = Bvh::new(&source);
         let points: Vec<Vec3> = source.positions().iter().copied().collect();
         let mut hold = Fidelity::new(&tree, &points, &mesh, 1.0, 0.02, 3.0);
+        hold.pull = 0.7;
         let mut x = flat(&mesh);
         let mut gradient = vec![0.0; x.len()];
         let fixed = hold.evaluate(&x, &mut gradient);
@@ -288,6 +368,7 @@ mod tests {
                 x[i] = x_i;
                 if queried {
                     hold.refresh(&x);
+                    hold.refresh_pulled(&x);
                 }
                 hold.evaluate(&x, &mut unused)
             };

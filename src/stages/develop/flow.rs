@@ -96,7 +96,9 @@ impl Objective for Flow<'_, '_> {
 
     fn accepted(&mut self, x: &[f64]) -> bool {
         self.settle();
-        let hold = self.hold.as_mut().is_some_and(|it| it.refresh(x));
+        // All of both, one after the other: `||` would leave the second out.
+        let pulled = self.hold.as_mut().is_some_and(|it| it.refresh_pulled(x));
+        let hold = self.hold.as_mut().is_some_and(|it| it.refresh(x)) | pulled;
         let curves = self.curves.as_mut().is_some_and(|it| it.refresh(x));
         self.stale_hold = hold || curves;
         self.stale_hold
@@ -124,9 +126,10 @@ impl Objective for CurvedFlow<'_, '_> {
         self.flow.evaluate(x, gradient)
     }
 
-    fn accepted(&mut self, _: &[f64]) -> bool {
+    fn accepted(&mut self, x: &[f64]) -> bool {
         self.flow.settle();
-        false
+        self.flow.stale_hold = self.flow.hold.as_mut().is_some_and(|it| it.refresh_pulled(x));
+        self.flow.stale_hold
     }
 }
 

@@ -8,6 +8,7 @@ use super::{
     flatten,
     flow::{CurvedFlow, Flow},
     folded_edges,
+    measure::RESOLUTION,
     metric::Metric,
     remesh, scaled,
     schedule::Settings,
@@ -28,14 +29,12 @@ use crate::{
 };
 
 /// Half width of the dead zone over the promised deviation; the rest is left for the surface between samples.
-const BAND: f64 = 0.95;
+const BAND: f64 = 0.98;
 /// Most corrections after the last round of the last level, and the growth of the weight of places found too far off.
 const CORRECTIONS: usize = 20;
 const GROWTH: f64 = 3.0;
 /// Largest such weight: more makes the problem too stiff for the optimiser to move at all.
 const HEAVIEST: f64 = 30.0;
-/// Share of the promised deviation that the proof may give away.
-const RESOLUTION: f64 = 0.02;
 /// Samples of the source per vertex of the moving mesh, besides the vertices of the source.
 const SAMPLES: usize = 2;
 
@@ -270,7 +269,7 @@ impl<'a> Job<'a> {
 impl Level<'_> {
     /// Prepares for a round that may differ from the one before.
     fn set(&mut self, settings: Settings) -> Result<(), DevelopError> {
-        let Settings { energy, weights, optimizer, max_deviation, hold: weight, .. } = settings;
+        let Settings { energy, weights, optimizer, max_deviation, hold: weight, pull, .. } = settings;
         if energy.name != self.settings.energy.name || weights != self.settings.weights {
             self.evaluator = Evaluator::new(&self.mesh, energy, weights);
         }
@@ -280,6 +279,7 @@ impl Level<'_> {
         }
         if let Some(hold) = &mut self.hold {
             (hold.band, hold.weight) = (BAND * max_deviation / self.unit, weight);
+            hold.pull = pull * self.evaluator.evaluate(&self.x, &mut vec![0.0; self.x.len()]).energy;
         }
         self.curves.iter_mut().for_each(|it| it.set_weight(weight));
         self.settings = settings;
@@ -341,7 +341,7 @@ impl Level<'_> {
                     x,
                     &mut curvature.matrix(),
                     &curvature.analysis,
-                    &limits(32, 6, 8),
+                    &limits(20, 6, 8),
                     monitor,
                 )
             }

@@ -14,7 +14,7 @@ use crate::{
 pub(super) const FOLDED: f64 = -0.5;
 
 /// Share by which a proven distance may exceed the true one.
-const RESOLUTION: f64 = 0.01;
+pub(super) const RESOLUTION: f64 = 0.005;
 
 const NEVER_CANCELLED: &str = "a silent monitor never cancels";
 
@@ -84,7 +84,7 @@ pub struct Deviation {
 }
 
 impl Deviation {
-    /// Measures it and compares it with `limit`. The bound is at most 1 % above the true distance, and at most `limit` where
+    /// Measures it and compares it with `limit`. The bound is at most 0.5 % above the true distance, and at most `limit` where
     /// that could be proven.
     pub fn between(source: &TriMesh, result: &TriMesh, limit: f64) -> Self {
         let (to_source, to_result, monitor) = (Bvh::new(source), Bvh::new(result), Monitor::silent());

@@ -3,6 +3,9 @@ use super::{DevelopError, Optimizer, Options, barrier::Weights, energy::Energy};
 
 /// Weight of the fidelity term in the first and the last round of the last level; before, it is between them.
 const HOLD: [f64; 2] = [6.0, 90.0];
+/// Weight of the pull towards the source over the energy at the start of a round, in all rounds but the first of the last
+/// level: where the energy is low already, closeness may cost less of it.
+const PULL: f64 = 0.4;
 /// Weights of the barriers on the coarsest level.
 const BARRIERS: Weights = Weights { angle: 3e-4, fold: 0.01, defect: 0.1, area: 1e-4 };
 /// Relative decrease of the objective over the window of an optimiser below which a round ends.
@@ -31,6 +34,8 @@ pub struct Override {
     pub gradient: Option<f64>,
     /// Weight of the hold on the source.
     pub hold: Option<f64>,
+    /// Weight of the pull towards it, over the energy at the start of the round.
+    pub pull: Option<f64>,
     /// Weight of the angle barrier.
     pub angle: Option<f64>,
     /// Weight of the fold barrier.
@@ -52,6 +57,7 @@ pub(super) struct Settings {
     pub(super) decrease: f64,
     pub(super) gradient: f64,
     pub(super) hold: f64,
+    pub(super) pull: f64,
     pub(super) weights: Weights,
 }
 
@@ -80,6 +86,7 @@ impl Settings {
             decrease: DECREASE,
             gradient: GRADIENT,
             hold: HOLD[0] * (HOLD[1] / HOLD[0]).powf(share),
+            pull: if level < levels || round == 0 { 0.0 } else { PULL },
             weights: Weights { angle: BARRIERS.angle * shrink, area: BARRIERS.area * shrink, ..BARRIERS },
         };
         let concerns = |it: &&Override| it.level.is_none_or(|l| l == level) && it.round.is_none_or(|r| r == round);
@@ -101,6 +108,7 @@ impl Settings {
         self.decrease = it.decrease.unwrap_or(self.decrease);
         self.gradient = it.gradient.unwrap_or(self.gradient);
         self.hold = it.hold.unwrap_or(self.hold);
+        self.pull = it.pull.unwrap_or(self.pull);
         let weights = &mut self.weights;
         weights.angle = it.angle.unwrap_or(weights.angle);
         weights.fold = it.fold.unwrap_or(weights.fold);

@@ -91,9 +91,13 @@ pub struct RoundTable {
     /// Norm of the gradient at mean edge length 1 over the root of the number of variables, below which it ends; 1e-10.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gradient: Option<f64>,
-    /// Weight of the hold on the input; from 3 in the first to 90 in the last round of a level.
+    /// Weight of the hold on the input; from 6 in the first to 90 in the last round of the last level.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hold: Option<f64>,
+    /// Share of the energy at its start that a round would pay to bring the mean distance to the input down by the one
+    /// promised; 0 in the first round, then 0.4.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pull: Option<f64>,
     /// Weight of the barrier against thin angles; 3e-4, a quarter of it on each further level.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub angle: Option<f64>,
@@ -122,6 +126,7 @@ impl RoundTable {
             ("round.decrease", self.decrease),
             ("round.gradient", self.gradient),
             ("round.hold", self.hold),
+            ("round.pull", self.pull),
             ("round.angle", self.angle),
             ("round.fold", self.fold),
             ("round.defect", self.defect),
@@ -143,6 +148,7 @@ impl RoundTable {
             decrease: self.decrease,
             gradient: self.gradient,
             hold: self.hold,
+            pull: self.pull,
             angle: self.angle,
             fold: self.fold,
             defect: self.defect,
@@ -190,7 +196,7 @@ impl Default for Develop {
             facet: None,
             remesh: false,
             levels: Levels::Auto,
-            rounds: 2,
+            rounds: 3,
             iterations: None,
             curve: Vec::new(),
             round: Vec::new(),
@@ -287,7 +293,7 @@ impl Serialize for Levels {
 
 impl Stage for Develop {
     const NAME: &'static str = "develop";
-    const VERSION: u32 = 9;
+    const VERSION: u32 = 10;
     type Input = (SourceMesh, TriMesh);
     type Output = DevelopableMesh;
     type Profile = ();

@@ -1,7 +1,7 @@
 //! Laws that hold for every energy, every barrier and the whole flow.
 use super::{curvature::Curvature, energy::ENERGIES, *};
 use crate::{
-    mesh::{FaceId, Id, VertexId, distance::two_sided_bounds, shapes},
+    mesh::{FaceId, Id, VertexId, shapes},
     numeric::{optim::Objective, sparse::SymmetricMatrix},
 };
 
@@ -221,8 +221,8 @@ fn the_promise_is_kept_and_nothing_folds() {
         let options = Options { optimizer, levels: Some(1), ..options(0.05) };
         let out = develop(&source, &start, &options, &Monitor::silent()).unwrap();
         assert_eq!(out.mesh.face_count(), 4 * start.face_count());
-        let bound = two_sided_bounds(&source, &out.mesh, 0.01, &Monitor::silent()).unwrap().upper;
-        assert!(bound <= 0.05, "{optimizer:?}: {bound}");
+        let deviation = Deviation::between(&source, &out.mesh, 0.05);
+        assert!(deviation.worst.is_none() && deviation.bound <= 0.05, "{optimizer:?}: {deviation:?}");
         assert!(folded_edges(&out.mesh).is_empty());
         assert!(smallest_angle(&out.mesh).to_degrees() > 7.0);
         let (first, end) = (out.rounds[0].energy_start, out.energy.iter().sum::<f64>());
