@@ -363,7 +363,7 @@ mod tests {
         let largest = gradient.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
         let mut unused = vec![0.0; x.len()];
         for i in 0..x.len() {
-            let (here, h) = (x[i], 1e-5);
+            let (here, h) = (x[i], 1e-6);
             let mut at = |x_i: f64, queried: bool| {
                 x[i] = x_i;
                 if queried {
