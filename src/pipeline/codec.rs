@@ -5,9 +5,9 @@ use crate::{
     geom::{Vec2, Vec3, arcs::ArcPath},
     mesh::{EdgeId, FaceId, Field, HalfedgeId, Id, TriMesh, VertexId},
     model::{
-        Artifact, Corner, CutMesh, DevelopableMesh, Flattening, Joints, Kind, Mark, Noun, Opening, Operation, Overlap, Panel,
-        PanelKind, Part, Parts, Piece, PieceId, Placement, Round, Ruled, Ruling, Seam, Sheet, SheetPaths, Sheets,
-        SourceMesh, Strips, Toolpath, Toolpaths, Tradeoff,
+        Artifact, Corner, CutMesh, DevelopableMesh, Flattening, Joints, Kind, Mark, Noun, Opening, Operation, Overlap,
+        Panel, PanelKind, Part, Parts, Piece, PieceId, Placement, Round, Ruled, Ruling, Seam, Sheet, SheetPaths,
+        Sheets, SourceMesh, Strips, Toolpath, Toolpaths, Tradeoff,
     },
 };
 
