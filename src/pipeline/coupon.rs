@@ -148,7 +148,7 @@ mod tests {
         let profiles = Profiles::load(Path::new("."), material.get_ref(), machine.get_ref()).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let coupon = coupon(&profiles, folder.path()).unwrap();
-        assert!(coupon.checks.iter().all(|it| it.ok) && coupon.checks.len() == 3, "{:?}", coupon.checks);
+        assert!(coupon.checks.iter().all(|it| it.ok) && coupon.checks.len() == 4, "{:?}", coupon.checks);
         let program = std::fs::read_to_string(folder.path().join("sheets/sheet-01.nc")).unwrap();
         let read = crate::import::read_gcode(&program, crate::import::gcode::Sense::Beam).unwrap();
         // The window comes first, then the frame: 100 × 50 and 130 × 80, in whatever direction and from any corner.
