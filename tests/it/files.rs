@@ -465,6 +465,7 @@ fn profiles_name_formats_that_exist() {
         }
     }
     let error = emit::files(&Nouns::default(), &profiles("", ""), &["svgz".into()]).unwrap_err();
-    assert_eq!(error.to_string(), "there is no output format `svgz`; known are: svg, dxf, gcode, hpgl");
+    let known = "svg, dxf, dxf-r12, pdf, pdf-a4, pdf-letter, gcode, hpgl";
+    assert_eq!(error.to_string(), format!("there is no output format `svgz`; known are: {known}"));
     assert_eq!(emit::files(&Nouns::default(), &profiles("", ""), &["svg".into()]), Ok(vec![]));
 }

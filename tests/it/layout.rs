@@ -65,8 +65,9 @@ fn apart(from: &[Vec<Vec2>], to: &[Vec<Vec2>]) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// Holds what a board touched (work coordinates) against all lines of its sheet. With a blade, what is cut by it (after the pause for it) is what its tip does; its first stroke only turns
-/// it in the margin.
+/// Holds what a board touched (work coordinates) against all lines of its sheet but the one to check its scale by, which no
+/// machine draws. With a blade, what is cut by it (after the pause for it) is what its tip does; its first stroke only
+/// turns it in the margin.
 pub(crate) fn compare(program: &str, touched: &[Vec<[f64; 2]>], sheet: &Drawing, machine: &Machine) -> Fit {
     let size = sheet.size.unwrap();
     let place = |p: &[f64; 2]| machine.from_work(Vec2::from(*p), size);
@@ -74,6 +75,7 @@ pub(crate) fn compare(program: &str, touched: &[Vec<[f64; 2]>], sheet: &Drawing,
     let meant: Vec<Vec<Vec2>> = sheet
         .lines
         .iter()
+        .filter(|it| !it.layer.eq_ignore_ascii_case("check"))
         .map(|it| it.points.iter().chain(it.closed.then(|| &it.points[0])).copied().collect())
         .collect();
     if let Some(knife) = machine.knife.filter(|it| it.offset.mm > 0.0) {
