@@ -9,5 +9,7 @@ pub use nouns::{Artifact, Kind, Noun};
 pub use planar::{
     Joints, Line, Mark, Opening, Operation, Part, Parts, Placement, Sheet, SheetPaths, Sheets, Toolpath, Toolpaths,
 };
-pub use shape::{CutMesh, DevelopableMesh, Flattening, Overlap, Piece, PieceId, Round, Seam, SourceMesh, Tradeoff};
+pub use shape::{
+    CutMesh, DevelopableMesh, Flattening, Misfit, Overlap, Piece, PieceId, Round, Seam, SourceMesh, Tradeoff,
+};
 pub use strips::{Corner, Panel, PanelKind, Ruled, Ruling, Strips};

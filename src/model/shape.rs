@@ -161,3 +161,39 @@ pub struct Flattening {
     /// Limit of the principal stretch that the pieces were cut and laid flat for.
     pub stretch_limit: f64,
 }
+
+/// Why a flattening is not one of a cut mesh.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Misfit {
+    /// It has more or fewer points than the mesh has vertices.
+    #[error("the flattening has {found} points for {expected} vertices of the cut mesh")]
+    Count {
+        /// Points given.
+        found: usize,
+        /// Vertices of the cut mesh.
+        expected: usize,
+    },
+    /// A plane coordinate is NaN or infinite.
+    #[error("vertex {vertex} of the cut mesh is flattened to a point that is not finite: ({}, {})", place.x, place.y)]
+    NotFinite {
+        /// The vertex.
+        vertex: usize,
+        /// Where it was put.
+        place: Vec2,
+    },
+}
+
+impl Flattening {
+    /// `Err` unless it has a finite point for every vertex of `cut`.
+    pub fn fits(&self, cut: &CutMesh) -> Result<(), Misfit> {
+        let (found, expected) = (self.uv.len(), cut.mesh.vertex_count());
+        if found != expected {
+            return Err(Misfit::Count { found, expected });
+        }
+        let points = self.uv.as_slice();
+        match points.iter().position(|p| !(p.x.is_finite() && p.y.is_finite())) {
+            Some(vertex) => Err(Misfit::NotFinite { vertex, place: points[vertex] }),
+            None => Ok(()),
+        }
+    }
+}

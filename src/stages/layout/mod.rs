@@ -22,7 +22,7 @@ use std::collections::BTreeMap;
 use crate::{
     geom::{Vec2, polygon::area},
     mesh::{HalfedgeId, Id},
-    model::{CutMesh, Flattening, Mark, Opening, Part, Parts, PieceId},
+    model::{CutMesh, Flattening, Mark, Misfit, Opening, Part, Parts, PieceId},
     numeric::{Cancelled, Monitor},
 };
 use join::Body;
@@ -58,21 +58,8 @@ pub struct Options {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum LayoutError {
     /// The two inputs do not belong together.
-    #[error("the flattening has {found} points for {expected} vertices of the cut mesh")]
-    Mismatch {
-        /// Points given.
-        found: usize,
-        /// Vertices of the cut mesh.
-        expected: usize,
-    },
-    /// A plane coordinate is NaN or infinite.
-    #[error("vertex {vertex} of the cut mesh is flattened to a point that is not finite: ({}, {})", place.x, place.y)]
-    NotFinite {
-        /// The vertex.
-        vertex: usize,
-        /// Where it was put.
-        place: Vec2,
-    },
+    #[error(transparent)]
+    Misfit(#[from] Misfit),
     /// The run was interrupted.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
@@ -80,14 +67,7 @@ pub enum LayoutError {
 
 /// Makes a part of every piece.
 pub fn layout(cut: &CutMesh, flat: &Flattening, options: &Options, monitor: &Monitor) -> Result<Parts, LayoutError> {
-    let expected = cut.mesh.vertex_count();
-    if flat.uv.len() != expected {
-        return Err(LayoutError::Mismatch { found: flat.uv.len(), expected });
-    }
-    if let Some((vertex, &place)) = flat.uv.enumerate().find(|(_, p)| !(p.x.is_finite() && p.y.is_finite())) {
-        let vertex: crate::mesh::VertexId = vertex;
-        return Err(LayoutError::NotFinite { vertex: vertex.index(), place });
-    }
+    flat.fits(cut)?;
     let seams = seams::measure(cut, flat);
     let ends = seams::ends(cut, &seams);
     let mut folds = folds::folds(cut, flat, options.fold_angle);

@@ -396,7 +396,8 @@ fn inputs_that_do_not_belong_together_are_refused() {
     let (cut, mut flat) = slit_piece();
     flat.uv[VertexId(3)].x = f64::NAN;
     let fault = layout(&cut, &flat, &OPTIONS, &Monitor::silent());
-    assert!(matches!(fault, Err(LayoutError::NotFinite { vertex: 3, .. })));
+    assert!(matches!(fault, Err(LayoutError::Misfit(Misfit::NotFinite { vertex: 3, .. }))));
     flat.uv = Field::filled(2, Vec2::zeros());
-    assert!(matches!(layout(&cut, &flat, &OPTIONS, &Monitor::silent()), Err(LayoutError::Mismatch { found: 2, .. })));
+    let fault = layout(&cut, &flat, &OPTIONS, &Monitor::silent());
+    assert!(matches!(fault, Err(LayoutError::Misfit(Misfit::Count { found: 2, .. }))));
 }

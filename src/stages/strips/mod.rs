@@ -36,7 +36,7 @@ use rayon::prelude::*;
 use crate::{
     geom::{Vec2, polyline::simplify},
     mesh::{FaceId, Field, Id, VertexId},
-    model::{Corner, CutMesh, Flattening, Panel, PanelKind, PieceId, Ruled, Ruling, Strips},
+    model::{Corner, CutMesh, Flattening, Misfit, Panel, PanelKind, PieceId, Ruled, Ruling, Strips},
     numeric::{Cancelled, Monitor},
     surface::{
         chart::{Chart, ChartBuilder},
@@ -72,21 +72,8 @@ pub struct Options {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum StripsError {
     /// The two inputs do not belong together.
-    #[error("the flattening has {found} points for {expected} vertices of the cut mesh")]
-    Mismatch {
-        /// Points given.
-        found: usize,
-        /// Vertices of the cut mesh.
-        expected: usize,
-    },
-    /// A plane coordinate is NaN or infinite.
-    #[error("vertex {vertex} of the cut mesh is flattened to a point that is not finite: ({}, {})", place.x, place.y)]
-    NotFinite {
-        /// The vertex.
-        vertex: usize,
-        /// Where it was put.
-        place: Vec2,
-    },
+    #[error(transparent)]
+    Misfit(#[from] Misfit),
     /// The run was interrupted.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
@@ -121,14 +108,7 @@ struct Solved {
 
 /// Fills every piece with rulings.
 pub fn strips(cut: &CutMesh, flat: &Flattening, options: &Options, monitor: &Monitor) -> Result<Strips, StripsError> {
-    let expected = cut.mesh.vertex_count();
-    if flat.uv.len() != expected {
-        return Err(StripsError::Mismatch { found: flat.uv.len(), expected });
-    }
-    let broken = flat.uv.as_slice().iter().position(|p| !(p.x.is_finite() && p.y.is_finite()));
-    if let Some(vertex) = broken {
-        return Err(StripsError::NotFinite { vertex, place: flat.uv.as_slice()[vertex] });
-    }
+    flat.fits(cut)?;
     let charts = charts(cut);
     let divisions = sampling::divisions(cut, &charts);
     let patches: Vec<Patch> = charts.iter().map(|it| sampling::sampled(cut, flat, it, &divisions)).collect();

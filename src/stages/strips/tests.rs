@@ -153,10 +153,10 @@ fn a_crumpled_layout_is_refused_or_left_out_but_never_panics() {
     uv[3].x = f64::NAN;
     let (cut, flat) = one_piece((mesh.clone(), uv.clone()));
     let refused = strips(&cut, &flat, &options(0.1), &Monitor::silent());
-    assert!(matches!(refused, Err(StripsError::NotFinite { vertex: 3, .. })), "{refused:?}");
+    assert!(matches!(refused, Err(StripsError::Misfit(Misfit::NotFinite { vertex: 3, .. }))), "{refused:?}");
     uv.pop();
     let refused = strips(&cut, &one_piece((mesh, uv)).1, &options(0.1), &Monitor::silent());
-    assert!(matches!(refused, Err(StripsError::Mismatch { .. })));
+    assert!(matches!(refused, Err(StripsError::Misfit(Misfit::Count { .. }))));
 }
 
 #[test]
