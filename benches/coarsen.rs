@@ -3,7 +3,7 @@
 //! Every run is taken between two samples of a calibration kernel (closest points on the input, which is most of what
 //! coarsening does), so that a machine that is busy or slow at the moment shows. Least of all runs.
 #![allow(clippy::print_stdout)]
-mod common;
+mod meshes;
 
 use fabricate::{
     mesh::{Bvh, TriMesh, distance::sample, shapes},
@@ -20,7 +20,7 @@ const MAX_ERROR: f64 = 4e-3;
 const FEATURE_ANGLE: f64 = 40.0 * PI / 180.0;
 
 fn main() {
-    let mut meshes: Vec<(String, TriMesh)> = common::words().map(|path| common::load(&path)).collect();
+    let mut meshes: Vec<(String, TriMesh)> = meshes::words().map(|path| meshes::load(&path)).collect();
     if meshes.is_empty() {
         meshes.push(("torus".into(), shapes::torus(30.0, 10.0, 300, 150)));
         meshes.push(("sphere".into(), shapes::icosphere(10.0, 6)));

@@ -4,13 +4,14 @@
 //! Principal stretch is max |ln σ| of a triangle of the flat layout; "over" is the share of the area above the limit.
 //! Seconds are the time of one core, cutting and flattening together.
 #![allow(clippy::print_stdout)]
+mod cutting;
+
 use fabricate::{
     import::mesh::read,
-    mesh::{Field, TriMesh, VertexId},
-    model::DevelopableMesh,
+    mesh::{Field, TriMesh},
     numeric::Monitor,
     stages::{
-        cut::{self, cut},
+        cut::{Options, cut},
         flatten::{flatten, quality, seam_lengths},
     },
 };
@@ -80,20 +81,8 @@ fn scaled(mesh: TriMesh) -> TriMesh {
 }
 
 fn row(name: &str, mesh: &TriMesh, limit: f64) {
-    let energy: Field<VertexId, f64> = Field::filled(mesh.vertex_count(), 0.0);
-    let input = DevelopableMesh { mesh: mesh.clone(), energy, max_deviation: 0.0, rounds: vec![], tradeoffs: vec![] };
-    let options = cut::Options {
-        stretch: limit,
-        tolerance: None,
-        clearance: 0.002,
-        least_opening: 1e-3,
-        new_piece: 0.03,
-        halvings: 1,
-        min_area: MIN_PIECE * MIN_PIECE,
-        prefer: vec![],
-        avoid: vec![],
-        sheet: None,
-    };
+    let input = cutting::developable(mesh.clone());
+    let options = Options { min_area: MIN_PIECE * MIN_PIECE, ..cutting::options(limit) };
     let start = seconds();
     let monitor = Monitor::silent();
     let result = cut(&input, &options, &monitor).map_err(|it| it.to_string());

@@ -5,7 +5,7 @@
 //! the same steps, as they are deterministic), where nothing else is done. Seconds are those that the thread was running
 //! (Linux; elsewhere, those that passed), counted from the call of `develop`, its preparations included; median of some runs.
 #![allow(clippy::print_stdout)]
-mod common;
+mod meshes;
 
 use fabricate::{
     mesh::{Field, TriMesh, shapes},
@@ -45,8 +45,8 @@ struct Reached {
 }
 
 fn main() {
-    let mut args = common::words();
-    let mesh = args.next().map_or_else(bumpy, |path| common::load(&path).1);
+    let mut args = meshes::words();
+    let mesh = args.next().map_or_else(bumpy, |path| meshes::load(&path).1);
     let mut targets: Vec<f64> = args.map(|it| it.parse().unwrap_or_else(|error| panic!("{it}: {error}"))).collect();
     if targets.is_empty() {
         targets.extend(TARGETS);

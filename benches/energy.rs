@@ -3,7 +3,7 @@
 //! Every sample of an energy is taken between two samples of a calibration kernel (dependent multiplications and
 //! additions, bound by the clock alone), so that a machine that is busy or slow at the moment shows. Medians of all samples.
 #![allow(clippy::print_stdout)]
-mod common;
+mod meshes;
 
 use fabricate::{
     mesh::{TriMesh, shapes},
@@ -20,7 +20,7 @@ const SAMPLE: f64 = 2e-4;
 const CHAIN: usize = 20_000;
 
 fn main() {
-    let mut meshes: Vec<(String, TriMesh)> = common::words().map(|path| common::load(&path)).collect();
+    let mut meshes: Vec<(String, TriMesh)> = meshes::words().map(|path| meshes::load(&path)).collect();
     if meshes.is_empty() {
         meshes.push(("torus".into(), shaken(shapes::torus(3.0, 1.0, 96, 48))));
         meshes.push(("sphere".into(), shaken(shapes::icosphere(1.0, 4))));

@@ -4,18 +4,18 @@
 //! gives nothing else than its `developed.obj`. The chord tolerance is 0.1 % of the diagonal. The last column is the time
 //! of the strips in shares of that of cutting.
 #![allow(clippy::print_stdout)]
+mod cutting;
+mod meshes;
+
 use fabricate::{
-    import::mesh::read,
-    mesh::{Field, TriMesh},
-    model::DevelopableMesh,
     numeric::Monitor,
     stages::{
-        cut::{self, cut},
+        cut::cut,
         flatten::flatten,
         strips::{Options, Spacing, measure::quality, strips},
     },
 };
-use std::{path::Path, time::Instant};
+use std::time::Instant;
 
 fn main() {
     println!(
@@ -40,30 +40,17 @@ fn main() {
         "of cut"
     );
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread can be started");
-    for path in std::env::args().skip(1).filter(|arg| !arg.starts_with("--")) {
-        pool.install(|| row(Path::new(&path)));
+    for path in meshes::words() {
+        pool.install(|| row(&path));
     }
 }
 
-fn row(path: &Path) {
-    let fail = |error: &dyn std::fmt::Display| -> ! { panic!("{}: {error}", path.display()) };
-    let soup = read(path).unwrap_or_else(|error| fail(&error));
-    let mesh = TriMesh::new(soup.positions, &soup.faces).unwrap_or_else(|error| fail(&error));
+fn row(path: &str) {
+    let fail = |error: &dyn std::fmt::Display| -> ! { panic!("{path}: {error}") };
+    let (name, mesh) = meshes::load(path);
     let diagonal = mesh.bounds().diagonal();
-    let energy = Field::filled(mesh.vertex_count(), 0.0);
-    let input = DevelopableMesh { mesh, energy, max_deviation: 0.0, rounds: vec![], tradeoffs: vec![] };
-    let options = cut::Options {
-        stretch: 0.005,
-        tolerance: None,
-        clearance: 0.002,
-        least_opening: 1e-3,
-        new_piece: 0.03,
-        halvings: 1,
-        min_area: 36.0,
-        prefer: vec![],
-        avoid: vec![],
-        sheet: None,
-    };
+    let input = cutting::developable(mesh);
+    let options = cutting::options(0.005);
     let start = Instant::now();
     let cut = cut(&input, &options, &Monitor::silent()).unwrap_or_else(|error| fail(&error));
     let cutting = start.elapsed().as_secs_f64();
@@ -73,7 +60,6 @@ fn row(path: &Path) {
     let out = strips(&cut, &flat, &options, &Monitor::silent()).unwrap_or_else(|error| fail(&error));
     let seconds = start.elapsed().as_secs_f64();
     let it = quality(&cut, &flat, &out);
-    let name = path.file_stem().unwrap_or_default().to_string_lossy();
     print!("{name:16}{:>7}{:>7}", cut.pieces.len(), it.unsolved.len() + it.unreliable.len());
     print!("{:>8}{:>8.3}{:>8.3}", out.rulings.len(), it.area_shares[0], it.panel_share);
     print!("{:>4}{:>3}{:>8.4}{:>9.4}", it.interleaved, it.crossings, it.covered_share, it.planarity_p99);

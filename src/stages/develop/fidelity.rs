@@ -45,6 +45,12 @@ impl Sample {
     fn point(&self, x: &[f64]) -> Vec3 {
         self.vertices.iter().zip(self.weights).map(|(&v, w)| w * position(x, v)).sum()
     }
+
+    /// Finds the closest point of the source anew, for a sample of the moving mesh.
+    fn query(&mut self, x: &[f64], source: &Bvh, unit: f64) {
+        let closest = source.closest_from(self.point(x) * unit, self.hint);
+        (self.source, self.hint) = (closest.point / unit, closest.face);
+    }
 }
 
 /// The pull on one vertex.
@@ -246,16 +252,25 @@ impl<'a> Fidelity<'a> {
         }
     }
 
+    /// Queries the closest points of all pulled vertices anew; [`Self::refresh`] leaves alone those in the zone. Returns
+    /// whether there are any.
+    pub(super) fn refresh_pulled(&mut self, x: &[f64]) -> bool {
+        let (source, unit, count) = (self.source, self.unit, self.pulled().len());
+        self.outward[..count].par_iter_mut().with_min_len(BLOCK).for_each(|it| it.query(x, source, unit));
+        count > 0
+    }
+
     /// Queries the closest points anew where the latest ones have left the zone; afterwards value and gradient at `x` are
     /// those of the true distances. Returns whether anything changed.
     pub(super) fn refresh(&mut self, x: &[f64]) -> bool {
         let (source, unit, limit) = (self.source, self.unit, self.band * self.band);
         let outside = |it: &Sample| it.offset(x).norm_squared() > limit;
-        let moved_out = self.outward.par_iter_mut().with_min_len(BLOCK).filter(|it| outside(it)).map(|it| {
-            let closest = source.closest_from(it.point(x) * unit, it.hint);
-            it.source = closest.point / unit;
-            it.hint = closest.face;
-        });
+        let moved_out = self
+            .outward
+            .par_iter_mut()
+            .with_min_len(BLOCK)
+            .filter(|it| outside(it))
+            .map(|it| it.query(x, source, unit));
         let mut changed = moved_out.count() > 0;
         if self.inward.par_iter().with_min_len(BLOCK).any(outside) {
             set_positions(&mut self.mesh, x);
@@ -270,19 +285,6 @@ impl<'a> Fidelity<'a> {
             changed = true;
         }
         changed
-    }
-}
-
-impl Fidelity<'_> {
-    /// Queries the closest points of all pulled vertices anew; [`Self::refresh`] leaves alone those in the zone. Returns
-    /// whether there are any.
-    pub(super) fn refresh_pulled(&mut self, x: &[f64]) -> bool {
-        let (source, unit, count) = (self.source, self.unit, self.pulled().len());
-        self.outward[..count].par_iter_mut().with_min_len(BLOCK).for_each(|it| {
-            let closest = source.closest_from(it.point(x) * unit, it.hint);
-            (it.source, it.hint) = (closest.point / unit, closest.face);
-        });
-        count > 0
     }
 }
 

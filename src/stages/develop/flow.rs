@@ -96,9 +96,8 @@ impl Objective for Flow<'_, '_> {
 
     fn accepted(&mut self, x: &[f64]) -> bool {
         self.settle();
-        // All of both, one after the other: `||` would leave the second out.
         let pulled = self.hold.as_mut().is_some_and(|it| it.refresh_pulled(x));
-        let hold = self.hold.as_mut().is_some_and(|it| it.refresh(x)) | pulled;
+        let hold = self.hold.as_mut().is_some_and(|it| it.refresh(x)) || pulled;
         let curves = self.curves.as_mut().is_some_and(|it| it.refresh(x));
         self.stale_hold = hold || curves;
         self.stale_hold
