@@ -143,6 +143,28 @@ impl<A: Noun, B: Noun, C: Noun> Inputs for (A, B, Option<C>) {
     }
 }
 
+/// What a stage makes: one noun or a pair of nouns.
+pub trait Outputs: Sized + Send + Sync + 'static {
+    /// Kinds made.
+    const KINDS: &'static [Kind];
+    /// The nouns, in the order of their kinds.
+    fn artifacts(self) -> Vec<Artifact>;
+}
+
+impl<A: Noun> Outputs for A {
+    const KINDS: &'static [Kind] = &[A::KIND];
+    fn artifacts(self) -> Vec<Artifact> {
+        vec![self.wrap()]
+    }
+}
+
+impl<A: Noun, B: Noun> Outputs for (A, B) {
+    const KINDS: &'static [Kind] = &[A::KIND, B::KIND];
+    fn artifacts(self) -> Vec<Artifact> {
+        vec![self.0.wrap(), self.1.wrap()]
+    }
+}
+
 /// One step of a pipeline; `self` is its config table, the only home of its defaults and units.
 pub trait Stage: Serialize + DeserializeOwned + Send + Sync + 'static {
     /// Name of the config table.
@@ -153,8 +175,8 @@ pub trait Stage: Serialize + DeserializeOwned + Send + Sync + 'static {
     const DRAWS: bool = false;
     /// Nouns read.
     type Input: Inputs;
-    /// Noun made.
-    type Output: Noun;
+    /// Nouns made.
+    type Output: Outputs;
     /// The profile values that it reads; they are part of the cache key. `()` for none.
     type Profile: Serialize + Send + Sync + 'static;
     /// What can go wrong.
@@ -216,7 +238,7 @@ pub enum TableError {
 }
 
 type RunError = Box<dyn StdError + Send + Sync>;
-type Run = Box<dyn Fn(&Store, &Cx) -> Result<(Artifact, Section), RunError> + Send + Sync>;
+type Run = Box<dyn Fn(&Store, &Cx) -> Result<(Vec<Artifact>, Section), RunError> + Send + Sync>;
 
 /// A parsed stage, ready to run.
 pub struct Ready {
@@ -237,8 +259,8 @@ pub struct StageDef {
     pub needs: &'static [Kind],
     /// Kinds read where they are made.
     pub wants: &'static [Kind],
-    /// Kind made.
-    pub makes: Kind,
+    /// Kinds made.
+    pub makes: &'static [Kind],
     /// Parses the table.
     pub prepare: for<'t> fn(Spanned<DeTable<'t>>, &Profiles, u64) -> Result<Ready, TableError>,
 }
@@ -250,7 +272,7 @@ impl StageDef {
             name: S::NAME,
             needs: <S::Input as Inputs>::KINDS,
             wants: <S::Input as Inputs>::WANTS,
-            makes: <S::Output as Noun>::KIND,
+            makes: <S::Output as Outputs>::KINDS,
             prepare: prepare::<S>,
         }
     }
@@ -274,7 +296,7 @@ fn prepare<S: Stage>(table: Spanned<DeTable<'_>>, profiles: &Profiles, seed: u64
         let input = S::Input::fetch(store).expect("the plan proved that every input is made");
         let output = stage.run(input, &profile, cx).map_err(Box::new)?;
         let section = stage.section(input, &profile, &output);
-        Ok((output.wrap(), section))
+        Ok((output.artifacts(), section))
     });
     Ok(Ready { options, options_key: *hasher.finalize().as_bytes(), run })
 }

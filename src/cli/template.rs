@@ -4,10 +4,10 @@ use crate::{pipeline::RECIPES, profile};
 
 /// A config that runs as soon as its mesh exists; `Err` names what does not exist.
 pub(super) fn config(args: &Init) -> Result<String, String> {
-    if RECIPES.iter().all(|it| it.name != args.recipe) {
+    let recipe = RECIPES.iter().find(|it| it.name == args.recipe).ok_or_else(|| {
         let names: Vec<_> = RECIPES.iter().map(|it| it.name).collect();
-        return Err(format!("unknown recipe `{}`; there are {}", args.recipe, names.join(", ")));
-    }
+        format!("unknown recipe `{}`; there are {}", args.recipe, names.join(", "))
+    })?;
     for (kind, name, list) in
         [("material", &args.material, profile::MATERIALS), ("machine", &args.machine, profile::MACHINES)]
     {
@@ -18,7 +18,8 @@ pub(super) fn config(args: &Init) -> Result<String, String> {
     }
     let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
     Ok(TEMPLATE
-        .replace("{recipe}", &quoted(&args.recipe))
+        .replace("{recipe}", &quoted(recipe.name))
+        .replace("{sample}", recipe.sample)
         .replace("{mesh}", &quoted(&args.mesh.display().to_string()))
         .replace("{material}", &quoted(&args.material))
         .replace("{machine}", &quoted(&args.machine)))
@@ -47,6 +48,4 @@ profile = {machine}
 dir = "out"
 # formats = ["svg", "dxf", "gcode"]
 
-[develop]
-max_deviation = "1 %"      # of the diagonal, or a length such as "2 mm"
-"#;
+{sample}"#;

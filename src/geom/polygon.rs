@@ -129,6 +129,26 @@ pub fn least_box_angle(points: &[Vec2]) -> f64 {
     if best.1 <= -std::f64::consts::PI { best.1 + turn } else { best.1 }
 }
 
+/// How far points exceed a rectangle of `size` in the rotation in which they exceed it least: the larger of width over
+/// `size[0]` and height over `size[1]`, and that rotation, radians in [0, π). Rotations are tried in steps of 2°; the first
+/// one that fits ends the search, so a ratio up to 1 is not the least.
+pub fn least_excess(points: &[Vec2], size: [f64; 2]) -> (f64, f64) {
+    const ROTATIONS: usize = 90;
+    let mut best = (f64::INFINITY, 0.0);
+    for k in 0..ROTATIONS {
+        let angle = std::f64::consts::PI * k as f64 / ROTATIONS as f64;
+        let extent = bounds_turned(points, angle).size();
+        let excess = (extent.x / size[0]).max(extent.y / size[1]);
+        if excess < best.0 {
+            best = (excess, angle);
+        }
+        if excess <= 1.0 {
+            break;
+        }
+    }
+    best
+}
+
 /// Box around `points` turned by `angle` about the origin.
 pub fn bounds_turned(points: &[Vec2], angle: f64) -> Box2 {
     let mut bounds = Box2::empty();

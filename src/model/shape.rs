@@ -97,6 +97,20 @@ pub struct Piece {
     pub name: String,
 }
 
+impl Piece {
+    /// The piece of an index from 0: A, B, … Z, AA, AB, …, which cannot be mistaken for a seam, as that has a number.
+    pub fn numbered(index: usize) -> Self {
+        let mut letters = Vec::new();
+        let mut rest = index + 1;
+        while rest > 0 {
+            rest -= 1;
+            letters.push(char::from(b'A' + (rest % 26) as u8));
+            rest /= 26;
+        }
+        Self { name: letters.iter().rev().collect() }
+    }
+}
+
 /// A maximal chain of cut edges between the same two pieces (or one piece and itself).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Seam {
@@ -184,6 +198,12 @@ pub enum Misfit {
 }
 
 impl Flattening {
+    /// Length of both sides of a seam in the plane, mm.
+    pub fn seam_sides(&self, cut: &CutMesh, seam: &Seam) -> [f64; 2] {
+        let length = |h: HalfedgeId| (self.uv[cut.mesh.head(h)] - self.uv[cut.mesh.tail(h)]).norm();
+        [0, 1].map(|side| seam.sides[side].iter().map(|&h| length(h)).sum())
+    }
+
     /// `Err` unless it has a finite point for every vertex of `cut`.
     pub fn fits(&self, cut: &CutMesh) -> Result<(), Misfit> {
         let (found, expected) = (self.uv.len(), cut.mesh.vertex_count());

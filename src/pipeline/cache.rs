@@ -23,7 +23,7 @@ pub(super) struct Cache {
 /// What a look-up found.
 pub(super) enum Lookup {
     /// The result.
-    Hit(Box<(Artifact, Section)>),
+    Hit(Box<(Vec<Artifact>, Section)>),
     /// Nothing.
     Miss,
     /// An entry that cannot be used; why.
@@ -58,8 +58,8 @@ impl Cache {
     }
 
     /// Keeps a result, and drops its unfinished form and the oldest results of the same stage.
-    pub(super) fn put(&self, def: &StageDef, key: &Key, artifact: &Artifact, section: &Section) -> io::Result<()> {
-        write(&self.path(def.name, key), key, artifact, section)?;
+    pub(super) fn put(&self, def: &StageDef, key: &Key, made: &[Artifact], section: &Section) -> io::Result<()> {
+        write(&self.path(def.name, key), key, made, section)?;
         match fs::remove_file(self.draft(def.name)) {
             Err(err) if err.kind() != io::ErrorKind::NotFound => return Err(err),
             _ => {}
@@ -70,14 +70,14 @@ impl Cache {
     /// What a stage had done of this work when it was interrupted.
     pub(super) fn unfinished(&self, def: &StageDef, key: &Key) -> Option<Artifact> {
         match read(&self.draft(def.name), def, key) {
-            Lookup::Hit(found) => Some(found.0),
+            Lookup::Hit(found) => found.0.into_iter().next(),
             Lookup::Miss | Lookup::Broken(_) => None,
         }
     }
 
     /// Keeps an unfinished result.
     pub(super) fn keep(&self, def: &StageDef, key: &Key, artifact: &Artifact) -> io::Result<()> {
-        write(&self.draft(def.name), key, artifact, &Section::default())
+        write(&self.draft(def.name), key, std::slice::from_ref(artifact), &Section::default())
     }
 
     fn evict(&self, stage: &str) -> io::Result<()> {
@@ -106,19 +106,19 @@ fn read(path: &Path, def: &StageDef, key: &Key) -> Lookup {
     }
 }
 
-fn write(path: &Path, key: &Key, artifact: &Artifact, section: &Section) -> io::Result<()> {
+fn write(path: &Path, key: &Key, made: &[Artifact], section: &Section) -> io::Result<()> {
     let section = serde_json::to_vec(section)?;
     let mut body = key.to_vec();
     body.extend_from_slice(&(section.len() as u64).to_le_bytes());
     body.extend_from_slice(&section);
-    body.extend_from_slice(&codec::encode(artifact));
+    body.extend_from_slice(&codec::encode(made));
     let mut bytes = MAGIC.to_vec();
     bytes.extend_from_slice(blake3::hash(&body).as_bytes());
     bytes.extend_from_slice(&body);
     output::write_whole(path, &bytes)
 }
 
-fn parse(def: &StageDef, key: &Key, bytes: &[u8]) -> Option<(Artifact, Section)> {
+fn parse(def: &StageDef, key: &Key, bytes: &[u8]) -> Option<(Vec<Artifact>, Section)> {
     let body = bytes.strip_prefix(MAGIC)?;
     let (hash, body) = body.split_at_checked(32)?;
     if blake3::hash(body).as_bytes() != hash {
@@ -127,7 +127,7 @@ fn parse(def: &StageDef, key: &Key, bytes: &[u8]) -> Option<(Artifact, Section)>
     let body = body.strip_prefix(key)?;
     let (length, body) = body.split_at_checked(8)?;
     let length = u64::from_le_bytes(length.try_into().ok()?);
-    let (section, artifact) = body.split_at_checked(usize::try_from(length).ok()?)?;
-    let artifact = codec::decode(def.makes, artifact).ok()?;
-    Some((artifact, serde_json::from_slice(section).ok()?))
+    let (section, made) = body.split_at_checked(usize::try_from(length).ok()?)?;
+    let made = codec::decode(def.makes, made).ok()?;
+    Some((made, serde_json::from_slice(section).ok()?))
 }

@@ -255,18 +255,21 @@ records! {
 
 macro_rules! artifacts {
     ($($name:ident),*) => {
-        /// Bytes of any noun.
-        pub(super) fn encode(artifact: &Artifact) -> Vec<u8> {
+        /// Bytes of any nouns.
+        pub(super) fn encode(artifacts: &[Artifact]) -> Vec<u8> {
             let mut out = Vec::new();
-            match artifact { $(Artifact::$name(it) => it.put(&mut out)),* }
+            for artifact in artifacts {
+                match artifact { $(Artifact::$name(it) => it.put(&mut out)),* }
+            }
             out
         }
 
-        /// A noun of the kind that the stage makes, from bytes that must be used up.
-        pub(super) fn decode(kind: Kind, bytes: &[u8]) -> Result<Artifact, Corrupt> {
+        /// Nouns of the kinds that the stage makes, from bytes that must be used up.
+        pub(super) fn decode(kinds: &[Kind], bytes: &[u8]) -> Result<Vec<Artifact>, Corrupt> {
             let mut reader = Reader(bytes);
-            let artifact = match kind { $(Kind::$name => $name::get(&mut reader)?.wrap()),* };
-            if reader.0.is_empty() { Ok(artifact) } else { Err(Corrupt) }
+            let mut one = |kind: &Kind| Ok(match kind { $(Kind::$name => $name::get(&mut reader)?.wrap()),* });
+            let artifacts = kinds.iter().map(&mut one).collect::<Result<_, _>>()?;
+            if reader.0.is_empty() { Ok(artifacts) } else { Err(Corrupt) }
         }
     };
 }

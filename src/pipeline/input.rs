@@ -144,7 +144,7 @@ impl Source {
         let mesh = SourceMesh { mesh, file, repairs: repairs.iter().map(ToString::to_string).collect(), up };
         let facts = facts(&mesh);
         let artifact = mesh.wrap();
-        let key = *blake3::hash(&codec::encode(&artifact)).as_bytes();
+        let key = *blake3::hash(&codec::encode(std::slice::from_ref(&artifact))).as_bytes();
         Ok(Self { artifact, key, facts, warnings })
     }
 }

@@ -43,12 +43,12 @@ pub fn plan(config: Config<'_>) -> Result<Plan, PlanError> {
     let mut made = vec![Kind::SourceMesh];
     for def in &stages {
         if let Some(&needs) = def.needs.iter().find(|it| !made.contains(it)) {
-            let maker = STAGES.iter().find(|it| it.makes == needs).map_or("none", |it| it.name);
+            let maker = STAGES.iter().find(|it| it.makes.contains(&needs)).map_or("none", |it| it.name);
             let message =
                 format!("stage `{}` needs {needs:?}, which no earlier stage makes (stage `{maker}` does)", def.name);
             return Err(source.error(message, config.stages.as_ref().map(Spanned::span)));
         }
-        made.push(def.makes);
+        made.extend(def.makes);
     }
     let mut table_of = |name| profiles.remove(name).map(Spanned::into_inner).unwrap_or_default();
     let (material, machine) = (table_of("material"), table_of("machine"));
@@ -63,7 +63,8 @@ pub fn plan(config: Config<'_>) -> Result<Plan, PlanError> {
 
     let mut rows = Vec::new();
     for def in stages {
-        let table = tables.remove(def.name).unwrap_or_else(|| Spanned::new(0..0, DeTable::new()));
+        let mut table = tables.remove(def.name).unwrap_or_else(|| Spanned::new(0..0, DeTable::new()));
+        add_defaults(table.get_mut(), recipe.get_ref(), def.name);
         let (spans, header) = (key_spans(table.get_ref()), table.span());
         let ready = (def.prepare)(table, &profiles, seed).map_err(|err| match err {
             TableError::Shape(err) => source.error(format!("[{}]: {}", def.name, err.message()), err.span()),
@@ -99,6 +100,19 @@ pub fn plan(config: Config<'_>) -> Result<Plan, PlanError> {
         echo[def.name] = ready.options.clone();
     }
     Ok(Plan { recipe, seed, stages: rows, profiles, formats, echo, warnings })
+}
+
+/// Adds what the recipe wants different from the defaults of a stage.
+fn add_defaults(table: &mut DeTable<'_>, recipe: &str, stage: &str) {
+    let tables = RECIPES.iter().filter(|it| it.name == recipe).flat_map(|it| it.defaults);
+    let lines: Vec<&str> = tables.filter(|it| it.0 == stage && !table.contains_key(it.1)).map(|it| it.2).collect();
+    for lines in lines {
+        for (key, value) in DeTable::parse(lines).expect("a test plans every recipe").into_inner() {
+            if !table.contains_key(&key) {
+                table.insert(key, value);
+            }
+        }
+    }
 }
 
 /// The stages of the recipe, or those that `stages = […]` names.

@@ -4,6 +4,7 @@ use crate::{
     stages::{
         coarsen::stage::CoarsenStage, cut::stage::CutStage, develop::stage::Develop, flatten::stage::FlattenStage,
         layout::stage::LayoutStage, nest::stage::NestStage, route::stage::RouteStage, strips::stage::StripsStage,
+        unfold::stage::UnfoldStage,
     },
 };
 
@@ -14,6 +15,7 @@ pub const STAGES: &[StageDef] = &[
     StageDef::of::<CutStage>(),
     StageDef::of::<FlattenStage>(),
     StageDef::of::<StripsStage>(),
+    StageDef::of::<UnfoldStage>(),
     StageDef::of::<LayoutStage>(),
     StageDef::of::<NestStage>(),
     StageDef::of::<RouteStage>(),
@@ -27,11 +29,29 @@ pub struct Recipe {
     pub about: &'static str,
     /// Names of its stages, in order.
     pub stages: &'static [&'static str],
+    /// Tables, and lines in which it wants them different from the defaults of the stage, unless the job sets the key between.
+    pub defaults: &'static [(&'static str, &'static str, &'static str)],
+    /// What `init` writes into a new job.
+    pub sample: &'static str,
 }
 
 /// Every recipe.
-pub const RECIPES: &[Recipe] = &[Recipe {
-    name: "developable",
-    about: "make a mesh piecewise developable, cut it along its seams and flatten the pieces",
-    stages: &["coarsen", "develop", "cut", "flatten", "strips", "layout", "nest", "route"],
-}];
+pub const RECIPES: &[Recipe] = &[
+    Recipe {
+        name: "developable",
+        about: "make a mesh piecewise developable, cut it along its seams and flatten the pieces",
+        stages: &["coarsen", "develop", "cut", "flatten", "strips", "layout", "nest", "route"],
+        defaults: &[],
+        sample: "[develop]\nmax_deviation = \"1 %\"      # of the diagonal, or a length such as \"2 mm\"\n",
+    },
+    Recipe {
+        name: "facets",
+        about: "coarsen a mesh to a few hundred faces and unfold it exactly, to be folded at every edge",
+        stages: &["coarsen", "unfold", "layout", "nest", "route"],
+        defaults: &[
+            ("coarsen", "method", "method = \"quadric\"\nfaces = 300"),
+            ("layout", "fold_angle", "fold_angle = 1"),
+        ],
+        sample: "[coarsen]\nfaces = 300                # method = \"off\" takes a low-poly mesh as it is\n",
+    },
+];

@@ -154,7 +154,7 @@ pub fn run(
         }
         let seconds = lap.elapsed().as_secs_f64();
         tell(Event::Finished { stage: def.name, seconds, cached });
-        store.put(made.0, key);
+        made.0.into_iter().for_each(|it| store.put(it, key));
         section.tables.extend(made.1.tables);
         section.checks.extend(made.1.checks);
         rows.push(StageRow { name: def.name, seconds, cached });
@@ -184,7 +184,7 @@ fn compute(
     (seed, monitor): (u64, &Monitor<'_>),
     (cache, forced): (&Cache, bool),
     tell: &(dyn Fn(Event<'_>) + Sync),
-) -> Result<(Artifact, Section), Box<dyn StdError + Send + Sync>> {
+) -> Result<(Vec<Artifact>, Section), Box<dyn StdError + Send + Sync>> {
     let kept = if forced { None } else { cache.unfinished(def, key) };
     let keep = |artifact: Artifact| {
         if let Err(err) = cache.keep(def, key, &artifact) {

@@ -15,6 +15,9 @@ pub use material::{JoinKind, Joining, Material, TabSides, ToolPatch};
 pub use operations::{Order, PerOperation};
 pub use units::{Angle, Extent, Length};
 
+/// Share of the free area of a sheet that a piece may fill: nesting works on a grid and needs a little room.
+const FITTING: f64 = 0.98;
+
 /// The two profiles of a job.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profiles {
@@ -22,4 +25,14 @@ pub struct Profiles {
     pub material: Material,
     /// What cuts it.
     pub machine: Machine,
+}
+
+impl Profiles {
+    /// Sides of the area of a sheet on the bed in which a piece can be placed, the shorter one first, mm. Sheets may lie on
+    /// the bed either way, so the shorter sides limit each other, and so do the longer ones.
+    pub fn room(&self) -> [f64; 2] {
+        let sorted = |[a, b]: [Length; 2]| [a.mm.min(b.mm), a.mm.max(b.mm)];
+        let (sheet, bed) = (sorted(self.material.sheet), sorted(self.machine.bed));
+        [0, 1].map(|k| FITTING * (sheet[k].min(bed[k]) - 2.0 * self.material.margin.mm))
+    }
 }

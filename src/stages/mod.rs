@@ -8,3 +8,4 @@ pub mod layout;
 pub mod nest;
 pub mod route;
 pub mod strips;
+pub mod unfold;

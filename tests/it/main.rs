@@ -3,6 +3,7 @@
 
 mod board;
 mod energies;
+mod facets;
 mod figures;
 mod files;
 mod fixtures;

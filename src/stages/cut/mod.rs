@@ -96,22 +96,10 @@ fn open(
         mesh: opening.mesh,
         origin: opening.origin,
         piece_of: Field::from_vec(opening.piece_of.iter().map(|&it| PieceId(it)).collect()),
-        pieces: Field::from_fn(opening.pieces, |it: PieceId| Piece { name: letters(it.index()) }),
+        pieces: Field::from_fn(opening.pieces, |it: PieceId| Piece::numbered(it.index())),
         seams,
         tolerance: options.tolerance.unwrap_or(f64::INFINITY),
         seam_vertices,
         stretch: options.stretch,
     })
-}
-
-/// A, B, … Z, AA, AB, …: no mistaking a piece for a seam, which has a number.
-fn letters(index: usize) -> String {
-    let mut out = Vec::new();
-    let mut rest = index + 1;
-    while rest > 0 {
-        rest -= 1;
-        out.push(char::from(b'A' + (rest % 26) as u8));
-        rest /= 26;
-    }
-    out.iter().rev().collect()
 }

@@ -1,8 +1,9 @@
 //! Pieces that fit on no sheet.
-use crate::geom::{Box2, Vec2};
+use crate::geom::{
+    Box2, Vec2,
+    polygon::{least_excess, turned},
+};
 
-/// Rotations tried over a half turn; nesting tries finer ones.
-const ROTATIONS: usize = 90;
 /// Edges within this share of the extent from either end of an outline that is too long must part.
 const END: f64 = 0.3;
 /// Edges taken at either end at most: their pairs weigh against one another, so a few dozen say as much as all.
@@ -11,22 +12,13 @@ const EDGES: usize = 24;
 /// Pairs of outline edges from the two ends of an outline that fits into `size` in no rotation, along the axis that exceeds
 /// it most in the rotation that exceeds it least; none if it fits. Dividing the piece so that they part makes it shorter.
 pub(super) fn too_far_apart(outline: &[Vec2], size: [f64; 2]) -> Vec<(usize, usize)> {
-    let mut best: Option<(f64, usize, Vec<Vec2>, Box2)> = None;
-    for k in 0..ROTATIONS {
-        let (sin, cos) = (std::f64::consts::PI * k as f64 / ROTATIONS as f64).sin_cos();
-        let turned: Vec<Vec2> =
-            outline.iter().map(|p| Vec2::new(cos * p.x - sin * p.y, sin * p.x + cos * p.y)).collect();
-        let bounds = Box2::of(&turned);
-        let excess = [bounds.size().x / size[0], bounds.size().y / size[1]];
-        let axis = usize::from(excess[1] > excess[0]);
-        if excess[axis] <= 1.0 {
-            return Vec::new();
-        }
-        if best.as_ref().is_none_or(|it| excess[axis] < it.0) {
-            best = Some((excess[axis], axis, turned, bounds));
-        }
+    let (excess, angle) = least_excess(outline, size);
+    if excess <= 1.0 {
+        return Vec::new();
     }
-    let Some((_, axis, turned, bounds)) = best else { return Vec::new() };
+    let turned: Vec<Vec2> = outline.iter().map(|&p| turned(p, angle)).collect();
+    let bounds = Box2::of(&turned);
+    let axis = usize::from(bounds.size().y / size[1] > bounds.size().x / size[0]);
     let reach = END * bounds.size()[axis];
     let thin = |wanted: &dyn Fn(f64) -> bool| -> Vec<usize> {
         let all: Vec<usize> = (0..turned.len()).filter(|&i| wanted(turned[i][axis])).collect();

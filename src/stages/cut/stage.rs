@@ -115,9 +115,6 @@ impl Style {
 /// The least angle by which a slit opens at its end, radians: less is closed by the width of any tool.
 const LEAST_OPENING: f64 = 1e-3;
 
-/// Share of the free area of a sheet that a piece may fill: nesting works on a grid and needs a little room.
-const FITTING: f64 = 0.98;
-
 /// What the stage reads of the profiles.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Stock {
@@ -164,12 +161,8 @@ impl Stage for CutStage {
     type Error = CutError;
 
     fn profile(profiles: &Profiles) -> Stock {
-        let Profiles { material, machine } = profiles;
-        // Sheets may lie on the bed either way; the shorter sides limit each other, and so do the longer ones.
-        let sorted = |[a, b]: [Length; 2]| [a.mm.min(b.mm), a.mm.max(b.mm)];
-        let (sheet, bed) = (sorted(material.sheet), sorted(machine.bed));
-        let free = |k: usize| FITTING * (sheet[k].min(bed[k]) - 2.0 * material.margin.mm);
-        Stock { stretch: material.stretch, min_piece: material.min_piece.mm, free: [free(0), free(1)] }
+        let material = &profiles.material;
+        Stock { stretch: material.stretch, min_piece: material.min_piece.mm, free: profiles.room() }
     }
 
     fn check(&self) -> Result<(), KeyError> {

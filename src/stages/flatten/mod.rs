@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::{
     geom::Vec2,
-    mesh::{FaceId, Field, HalfedgeId, Id, VertexId},
+    mesh::{FaceId, Field, Id},
     model::{CutMesh, Flattening, Overlap, PieceId},
     numeric::{Cancelled, Monitor},
     surface::{
@@ -223,11 +223,5 @@ impl SeamLengths {
 
 /// Measures every seam.
 pub fn seam_lengths(cut: &CutMesh, flat: &Flattening) -> Vec<SeamLengths> {
-    let uv = |v: VertexId| flat.uv[v];
-    let length =
-        |side: &[HalfedgeId]| side.iter().map(|&h| (uv(cut.mesh.head(h)) - uv(cut.mesh.tail(h))).norm()).sum::<f64>();
-    cut.seams
-        .iter()
-        .map(|it| SeamLengths { label: it.label, sides: [length(&it.sides[0]), length(&it.sides[1])] })
-        .collect()
+    cut.seams.iter().map(|it| SeamLengths { label: it.label, sides: flat.seam_sides(cut, it) }).collect()
 }

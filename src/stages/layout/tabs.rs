@@ -210,6 +210,9 @@ impl Made {
                 left = flat(boolean::difference(&left, &other));
             }
         }
+        if left.is_empty() {
+            return None;
+        }
         // The piece that it goes under, and the tabs that are there already.
         let (under, motion) = tab.under;
         let there: Vec<Vec<Vec2>> = left.iter().map(|it| motion.all(it)).collect();
