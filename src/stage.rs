@@ -2,7 +2,7 @@
 use std::{collections::BTreeMap, error::Error as StdError, sync::Arc};
 
 use serde::{Serialize, de::DeserializeOwned};
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 use toml::{Spanned, de::DeTable};
 
 use crate::{
@@ -70,6 +70,15 @@ impl Section {
     pub fn table(mut self, name: &str, table: Value) -> Self {
         self.tables.insert(name.into(), table);
         self
+    }
+    /// Adds what the thickness of the material did to the surface, unless it lies `offset` = 0 mm off: the largest difference
+    /// between how far a plane moved and that, mm, and the number of vertices that had no room to go so far.
+    pub fn neutral_layer(self, offset: f64, error: f64, shortened: usize) -> Self {
+        if offset == 0.0 {
+            return self;
+        }
+        let table = json!({ "offset_mm": offset, "max_error_mm": error, "shortened_vertices": shortened });
+        self.table("neutral_layer", table)
     }
     /// Adds a check.
     pub fn check(mut self, check: Check) -> Self {

@@ -1,5 +1,6 @@
 //! Writers: pure functions of a finished noun. One list, [`FORMATS`]; one call, [`files`].
 
+pub mod booklet;
 mod drawing;
 mod dxf;
 mod dxf12;

@@ -16,7 +16,7 @@ use crate::{
 };
 
 /// PDF counts in points, 72 to the inch.
-const POINTS: f32 = 72.0 / 25.4;
+pub(super) const POINTS: f32 = 72.0 / 25.4;
 /// Paper that most printers cannot reach, on every side of a tile, mm.
 const UNPRINTABLE: f64 = 10.0;
 /// How far neighbouring tiles overlap, mm.
@@ -44,7 +44,7 @@ pub(super) fn write_letter(drawing: &Drawing<'_>, machine: &Machine, out: &mut d
 }
 
 /// Content in millimetres.
-fn begin() -> Content {
+pub(super) fn begin() -> Content {
     let mut content = Content::new();
     content.transform([POINTS, 0.0, 0.0, POINTS, 0.0, 0.0]);
     content.set_line_cap(LineCapStyle::RoundCap).set_line_join(LineJoinStyle::RoundJoin);

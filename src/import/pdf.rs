@@ -71,6 +71,7 @@ fn content(stream: &str) -> Result<Drawing, DrawingError> {
             }
             ("BMC", Err(_)) => layer = operands.first().map_or("", |it| it.trim_start_matches('/')).into(),
             ("EMC", Ok([])) => layer.clear(),
+            ("Do", Err(_)) => {}
             // Clips, colours and styles say nothing about where lines are.
             ("re" | "W" | "RG" | "w" | "J" | "j", Ok(_)) => {}
             (word, _) if word.starts_with(|c: char| c.is_ascii_alphabetic()) => return Err(unknown()),

@@ -7,14 +7,17 @@ use super::{
     plan::Plan,
     run::{Event, RunError},
     simulate::simulate,
-    verify::verify,
+    verify::{booklet, verify},
 };
 use crate::{
     emit::{self, File, Nouns},
     mesh::TriMesh,
     model::{CutMesh, DevelopableMesh, Flattening, Operation, Parts, Sheets, SourceMesh, Strips, Toolpaths},
     numeric::{Cancelled, Monitor},
-    report::{self, Frame, StageRow, Subjects, Written},
+    report::{
+        self, Frame, StageRow, Subjects, Written,
+        assembly::{self, Step},
+    },
     stage::{Section, Store},
 };
 
@@ -45,7 +48,15 @@ pub(super) fn deliver(
         Nouns { parts: store.get::<Parts>(), sheets: store.get::<Sheets>(), toolpaths: store.get::<Toolpaths>() };
     let drawn = emit::files(&nouns, &plan.profiles, &plan.formats).expect("the plan proved that every format exists");
     let line = |operation| plan.profiles.machine.layers[operation].color.0;
-    let jobs: Vec<Job<'_>> = models(store).into_iter().chain(strips(store)).chain(pictures(store, &line)).collect();
+    let instruction = plan.profiles.material.join.kind.instruction();
+    let cut = store.get::<CutMesh>().filter(|_| nouns.parts.is_some());
+    let steps = cut.map(assembly::steps).unwrap_or_default();
+    let jobs: Vec<Job<'_>> = models(store)
+        .into_iter()
+        .chain(strips(store))
+        .chain(pictures(store, &line))
+        .chain(cut.map(|it| instructions(store, it, &steps, instruction)))
+        .collect();
     monitor.check()?;
     let made: Vec<_> = jobs.par_iter().map(|(path, format, make)| (path, *format, make())).collect();
 
@@ -69,6 +80,12 @@ pub(super) fn deliver(
             Err(reason) => tell(Event::Warning(&format!("{path} is missing: {reason}"))),
         }
     }
+    if let Some(cut) = cut {
+        section = section.table("assembly", assembly::table(cut, &steps, instruction));
+    }
+    if written.iter().any(|it| it.path == ASSEMBLY) {
+        section = section.check(booklet(&output.read(ASSEMBLY)?, steps.len()));
+    }
     section.checks.extend(verify(&read_back, &nouns, &plan.profiles));
     section.checks.extend(simulate(&read_back, &nouns, &plan.profiles));
     let frame = Frame {
@@ -84,6 +101,18 @@ pub(super) fn deliver(
     output.sweep(&written.iter().map(|it| it.path.clone()).collect())?;
     tell(Event::Finished { stage: "write", seconds: monitor.seconds() - start, cached: false });
     Ok(report)
+}
+
+/// The instructions for putting the parts together.
+const ASSEMBLY: &str = "assembly.pdf";
+
+fn instructions<'a>(store: &Store, cut: &'a CutMesh, steps: &'a [Step], instruction: &'a str) -> Job<'a> {
+    let up = report::up(store.get::<SourceMesh>().expect("the run put the source first"));
+    let make = move || {
+        let pages = assembly::pages(cut, steps, instruction, up).map_err(|it| it.to_string())?;
+        Ok(emit::booklet::booklet(&pages))
+    };
+    (ASSEMBLY.into(), "pdf", Box::new(make))
 }
 
 /// The meshes of the job as OBJ.

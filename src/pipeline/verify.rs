@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::{
-    emit::{CHECK_LAYER, CHORD, File, Nouns, Subject},
+    emit::{CHECK_LAYER, CHORD, File, Nouns, Subject, booklet::PAGE},
     geom::{Vec2, arcs::ArcPath, outline::check_outline, signed_area},
     import::{
         self, Drawing, DrawnLine,
@@ -54,6 +54,20 @@ pub fn verify(files: &[File], nouns: &Nouns<'_>, profiles: &Profiles) -> Vec<Che
         Check { name: format!("files.{format}"), ok, value: finding.worst, limit, unit: "mm".into(), note }
     };
     findings.into_iter().map(check).collect()
+}
+
+/// Whether a booklet has as many pages as there are steps, of its size, with marks on each.
+pub(super) fn booklet(bytes: &[u8], steps: usize) -> Check {
+    let size = Vec2::from(PAGE);
+    let (value, note) = match import::read_pdf(bytes) {
+        Ok(pages) => {
+            let good = |it: &Drawing| !it.lines.is_empty() && it.size.is_some_and(|it| (it - size).amax() <= LIMIT);
+            (pages.iter().filter(|it| good(it)).count(), format!("{} pages read back", pages.len()))
+        }
+        Err(error) => (0, error.to_string()),
+    };
+    let check = Check::at_least("files.assembly", value as f64, steps as f64, "pages", note);
+    Check { ok: value == steps, ..check }
 }
 
 #[derive(Default)]

@@ -64,6 +64,26 @@ pub enum JoinKind {
     Holes,
 }
 
+impl JoinKind {
+    /// Whether it adds material outside the seams.
+    pub fn stands_out(self) -> bool {
+        matches!(self, Self::Tabs | Self::Rivets | Self::Allowance)
+    }
+
+    /// What to do along a seam, for people.
+    pub fn instruction(self) -> &'static str {
+        match self {
+            Self::Butt => "Lay edge against edge, number to number, and join them with tape or glue",
+            Self::Tabs => "Fold the tabs back and glue them under the edge with the same number",
+            Self::Rivets => "Put the flaps under the edge with the same number and rivet them",
+            Self::Allowance => {
+                "Lay the sides with the same number face to face, match the notches, and sew along the line"
+            }
+            Self::Holes => "Lay edge against edge, number to number, and stitch through the holes",
+        }
+    }
+}
+
 /// Which side of a seam carries tabs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -149,6 +169,11 @@ pub struct Material {
     /// Smallest radius to which the sheet can be rolled; absent where it may be folded, or nobody knows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bend_radius: Option<Length>,
+    /// How deep under the outside of the finished thing the layer lies that keeps its length when the sheet is bent, as a
+    /// share of the thickness; patterns are made for that layer. 0 for sheets too thin to matter, negative where the model is
+    /// the inside of the thing.
+    #[serde(default)]
+    pub neutral_layer: f64,
     /// How its pieces are joined.
     #[serde(default)]
     pub join: Joining,
@@ -165,6 +190,7 @@ impl Rule for Material {
         at_least_zero("gap", self.gap.mm)?;
         within("stretch", self.stretch, 0.0, 1.0)?;
         at_least_zero("min_piece", self.min_piece.mm)?;
+        within("neutral_layer", self.neutral_layer, -1.0, 1.0)?;
         at_least_zero("bend_radius", self.bend_radius.map_or(0.0, |it| it.mm))?;
         let short = self.sheet[0].mm.min(self.sheet[1].mm);
         if 2.0 * self.margin.mm >= short {
@@ -184,6 +210,11 @@ impl Rule for Material {
 }
 
 impl Material {
+    /// How far the neutral layer lies outside the surface of the model, mm.
+    pub fn offset(&self) -> f64 {
+        -self.neutral_layer * self.thickness.mm
+    }
+
     /// Writes the settings that this material needs into the tools of `machine`, save those that `kept` names by
     /// operation and field.
     pub(super) fn prepare(&self, machine: &mut Machine, kept: impl Fn(Operation, &str) -> bool) -> Result<(), Fault> {

@@ -28,11 +28,13 @@ pub struct Profiles {
 }
 
 impl Profiles {
-    /// Sides of the area of a sheet on the bed in which a piece can be placed, the shorter one first, mm. Sheets may lie on
-    /// the bed either way, so the shorter sides limit each other, and so do the longer ones.
+    /// Sides of the area of a sheet on the bed in which a piece can be placed with what joins it, the shorter one first, mm.
+    /// Sheets may lie on the bed either way, so the shorter sides limit each other, and so do the longer ones.
     pub fn room(&self) -> [f64; 2] {
         let sorted = |[a, b]: [Length; 2]| [a.mm.min(b.mm), a.mm.max(b.mm)];
         let (sheet, bed) = (sorted(self.material.sheet), sorted(self.machine.bed));
-        [0, 1].map(|k| FITTING * (sheet[k].min(bed[k]) - 2.0 * self.material.margin.mm))
+        let Material { margin, join, .. } = &self.material;
+        let flap = if join.kind.stands_out() { join.width.mm } else { 0.0 };
+        [0, 1].map(|k| (FITTING * (sheet[k].min(bed[k]) - 2.0 * margin.mm) - 2.0 * flap).max(1.0))
     }
 }

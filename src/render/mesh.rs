@@ -80,6 +80,22 @@ const SKY: [Rgb; 2] = [[0xfb, 0xfc, 0xfd], [0xe6, 0xea, 0xef]];
 
 /// A PNG of a mesh.
 pub fn mesh(mesh: &TriMesh, style: &MeshStyle<'_>) -> Result<Vec<u8>, RenderError> {
+    png(style.width, style.height, &scene(mesh, style, &[])?.pixels)
+}
+
+/// A picture of a mesh, and what is to be seen in it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    /// Row by row from the top.
+    pub pixels: Vec<Rgb>,
+    /// Of the points asked for: pixels from the upper left corner, `None` where the surface hides them.
+    pub places: Vec<Option<Vec2>>,
+    /// How much of each face is seen, in samples.
+    pub seen: Field<FaceId, u32>,
+}
+
+/// Draws a mesh and looks where points in space come to lie.
+pub fn scene(mesh: &TriMesh, style: &MeshStyle<'_>, points: &[Vec3]) -> Result<Scene, RenderError> {
     let (width, height) = (style.width, style.height);
     if width == 0 || height == 0 || width > LARGEST || height > LARGEST {
         return Err(RenderError::Size { width, height });
@@ -100,7 +116,17 @@ pub fn mesh(mesh: &TriMesh, style: &MeshStyle<'_>) -> Result<Vec<u8>, RenderErro
             canvas.line(a, b, ink, 0.5 * width * pixel, view.bias);
         }
     }
-    png(width, height, &canvas.resolve(width, height, &lights))
+    let mut seen = Field::filled(mesh.face_count(), 0);
+    canvas.face.iter().filter(|&&it| it > 0).for_each(|&it| seen[FaceId(it - 1)] += 1);
+    let place = |p: &Vec3| {
+        let it = view.place(p);
+        let (column, row) = (it.at.x as usize, it.at.y as usize);
+        let inside = it.at.min() >= 0.0 && column < canvas.width && row < canvas.height;
+        let depth = it.inverse_depth * (1.0 + view.bias);
+        (inside && depth as f32 >= canvas.inverse_depth[row * canvas.width + column]).then_some(it.at / pixel)
+    };
+    let places = points.iter().map(place).collect();
+    Ok(Scene { pixels: canvas.resolve(width, height, &lights), places, seen })
 }
 
 /// Ink in [0, 1] and width in pixels of an edge.
@@ -126,6 +152,10 @@ struct View {
     rotation: nalgebra::Matrix3<f64>,
     /// Relative difference of inverse depth that hides no edge.
     bias: f64,
+    center: Vec3,
+    distance: f64,
+    /// From the plane of projection to samples: what comes to lie in the middle of the picture, that place, and the scale.
+    frame: (Vec2, Vec2, f64),
 }
 
 impl View {
@@ -142,26 +172,37 @@ impl View {
         let center = (bounds.min + bounds.max) / 2.0;
         let radius = mesh.positions().iter().map(|p| (p - center).norm()).fold(f64::MIN_POSITIVE, f64::max);
         let distance = radius / HALF_VIEW.sin();
-        let seen: Vec<(Vec2, f64)> = mesh
-            .positions()
-            .iter()
-            .map(|p| {
-                let p = rotation * (p - center);
-                let inverse_depth = 1.0 / (distance - p.z);
-                (p.xy() * inverse_depth, inverse_depth)
-            })
-            .collect();
+        let bias = EDGE_BIAS * radius / distance;
+        let frame = (Vec2::zeros(), Vec2::zeros(), 1.0);
+        let mut view = Self { points: Field::from_vec(Vec::new()), rotation, bias, center, distance, frame };
+        let seen: Vec<(Vec2, f64)> = mesh.positions().iter().map(|p| view.project(p)).collect();
         let frame = crate::geom::Box2::of(seen.iter().map(|it| &it.0));
         let samples = Vec2::new(f64::from(style.width), f64::from(style.height)) * f64::from(SAMPLES);
         let size = frame.size();
         let room = (1.0 - 2.0 * BORDER) * samples;
         let scale = (room.x / size.x.max(f64::MIN_POSITIVE)).min(room.y / size.y.max(f64::MIN_POSITIVE));
         let middle = (frame.min + frame.max) / 2.0;
-        let points = seen.iter().map(|&(at, inverse_depth)| {
-            let at = (at - middle) * scale;
-            Projected { at: samples / 2.0 + Vec2::new(at.x, -at.y), inverse_depth }
-        });
-        Self { points: Field::from_vec(points.collect()), rotation, bias: EDGE_BIAS * radius / distance }
+        view.frame = (middle, samples / 2.0, scale);
+        view.points = Field::from_vec(seen.into_iter().map(|it| view.framed(it)).collect());
+        view
+    }
+
+    /// A point in the plane of projection, and the reciprocal of its depth.
+    fn project(&self, p: &Vec3) -> (Vec2, f64) {
+        let p = self.rotation * (p - self.center);
+        let inverse_depth = 1.0 / (self.distance - p.z);
+        (p.xy() * inverse_depth, inverse_depth)
+    }
+
+    fn framed(&self, (at, inverse_depth): (Vec2, f64)) -> Projected {
+        let (middle, to, scale) = self.frame;
+        let at = (at - middle) * scale;
+        Projected { at: to + Vec2::new(at.x, -at.y), inverse_depth }
+    }
+
+    /// A point in the picture.
+    fn place(&self, p: &Vec3) -> Projected {
+        self.framed(self.project(p))
     }
 }
 

@@ -1,8 +1,9 @@
 //! `report.json`: what was made, how well, and where it lies. Keys are those of CONTRACT.md.
+pub mod assembly;
 mod chart;
 mod pictures;
 
-pub use pictures::{Drawing, Lines, Subjects, lines, pictures};
+pub use pictures::{Drawing, Lines, Subjects, lines, pictures, up};
 
 use serde_json::{Map, Value, json};
 

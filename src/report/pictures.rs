@@ -44,10 +44,14 @@ const SHEET_PIXELS: u32 = 1600;
 /// Sides of the picture of one round.
 const ROUND_PIXELS: u32 = 500;
 
+/// Which way is up in the pictures of a job.
+pub fn up(source: &SourceMesh) -> Up {
+    if source.up == 2 { Up::Z } else { Up::Y }
+}
+
 /// Path and drawing of every picture.
 pub fn pictures<'a>(subjects: Subjects<'a>) -> Vec<Drawing<'a>> {
-    let up = if subjects.source.up == 2 { Up::Z } else { Up::Y };
-    let base = MeshStyle { up, ..MeshStyle::default() };
+    let base = MeshStyle { up: up(subjects.source), ..MeshStyle::default() };
     let mut out: Vec<Drawing<'a>> = Vec::new();
     let mut add = |name: &str, mesh: &'a TriMesh, edges: Edges| {
         let draw = move || render::mesh(mesh, &MeshStyle { edges, ..base });

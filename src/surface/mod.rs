@@ -8,6 +8,7 @@ pub mod distortion;
 pub mod edit;
 pub mod flatten;
 pub mod isometric;
+pub mod offset;
 pub mod opening;
 pub mod overlap;
 pub mod paths;

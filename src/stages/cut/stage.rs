@@ -9,6 +9,7 @@ use crate::{
     model::{CutMesh, DevelopableMesh},
     profile::{Length, Profiles},
     stage::{Check, Cx, KeyError, Section, Stage},
+    surface::offset::offset,
 };
 
 /// Where the surface is cut.
@@ -122,8 +123,10 @@ pub struct Stock {
     stretch: f64,
     /// Side of the least useful square, mm.
     min_piece: f64,
-    /// Sides of the free area of a sheet, shorter one first, mm.
-    free: [f64; 2],
+    /// Sides of the area in which a piece can be placed, shorter one first, mm.
+    room: [f64; 2],
+    /// How far the neutral layer lies outside the developed mesh, mm.
+    offset: f64,
 }
 
 /// Which piece is too many, where, and by how much the limit would be missed without it.
@@ -154,7 +157,7 @@ impl CutStage {
 
 impl Stage for CutStage {
     const NAME: &'static str = "cut";
-    const VERSION: u32 = 5;
+    const VERSION: u32 = 6;
     type Input = DevelopableMesh;
     type Output = CutMesh;
     type Profile = Stock;
@@ -162,7 +165,12 @@ impl Stage for CutStage {
 
     fn profile(profiles: &Profiles) -> Stock {
         let material = &profiles.material;
-        Stock { stretch: material.stretch, min_piece: material.min_piece.mm, free: profiles.room() }
+        Stock {
+            stretch: material.stretch,
+            min_piece: material.min_piece.mm,
+            room: profiles.room(),
+            offset: material.offset(),
+        }
     }
 
     fn check(&self) -> Result<(), KeyError> {
@@ -193,12 +201,18 @@ impl Stage for CutStage {
             min_area: self.min_side(stock).powi(2),
             prefer: self.prefer.iter().map(SideTable::side).collect(),
             avoid: self.avoid.iter().map(SideTable::side).collect(),
-            sheet: self.fit_sheet.then_some(stock.free),
+            sheet: self.fit_sheet.then_some(stock.room),
         };
-        cut(input, &options, &cx.monitor)
+        if stock.offset == 0.0 {
+            return cut(input, &options, &cx.monitor);
+        }
+        // The surface parallel to a developable one is developable, so the neutral layer is that of the developed mesh.
+        let mesh = offset(&input.mesh, stock.offset).mesh;
+        cut(&DevelopableMesh { mesh, ..input.clone() }, &options, &cx.monitor)
     }
 
     fn section(&self, input: &DevelopableMesh, stock: &Stock, cut: &CutMesh) -> Section {
+        let moved = offset(&input.mesh, stock.offset);
         let length: f64 = cut.seams.iter().flat_map(|it| &it.sides[0]).map(|&h| cut.mesh.vector(h).norm()).sum();
         let mut table = json!({
             "seam_vertices": cut.seam_vertices,
@@ -211,14 +225,14 @@ impl Stage for CutStage {
         if let Some(tolerance) = self.tolerance {
             table["tolerance"] = json!(tolerance);
         }
-        let section = Section::new("cut", table);
+        let section = Section::new("cut", table).neutral_layer(stock.offset, moved.error, moved.shortened.len());
         match self.max_pieces {
             Some(limit) => section.check(Check::at_most(
                 "cut.pieces",
                 cut.pieces.len() as f64,
                 limit as f64,
                 "pieces",
-                if cut.pieces.len() > limit { too_many(&input.mesh, cut) } else { String::new() },
+                if cut.pieces.len() > limit { too_many(&moved.mesh, cut) } else { String::new() },
             )),
             None => section,
         }

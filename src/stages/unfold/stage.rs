@@ -10,8 +10,9 @@ use crate::{
     },
     mesh::TriMesh,
     model::{CutMesh, Flattening, PieceId},
-    profile::{Angle, JoinKind, Length, Profiles},
+    profile::{Angle, Length, Profiles},
     stage::{Check, Cx, KeyError, Section, Stage},
+    surface::offset::offset,
 };
 
 /// How a polyhedron is unfolded.
@@ -51,20 +52,13 @@ impl Default for UnfoldStage {
 pub struct Stock {
     /// Sides of the area in which a piece can be placed, shorter one first, mm.
     room: [f64; 2],
-    /// How far what joins pieces stands out of them on every side, mm.
-    flap: f64,
-}
-
-impl Stock {
-    /// Room for a piece without its flaps.
-    fn free(&self) -> [f64; 2] {
-        self.room.map(|it| (it - 2.0 * self.flap).max(1.0))
-    }
+    /// How far the neutral layer lies outside the mesh, mm.
+    offset: f64,
 }
 
 impl Stage for UnfoldStage {
     const NAME: &'static str = "unfold";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const DRAWS: bool = true;
     type Input = TriMesh;
     type Output = (CutMesh, Flattening);
@@ -72,12 +66,7 @@ impl Stage for UnfoldStage {
     type Error = UnfoldError;
 
     fn profile(profiles: &Profiles) -> Stock {
-        let join = &profiles.material.join;
-        let flap = match join.kind {
-            JoinKind::Tabs | JoinKind::Rivets | JoinKind::Allowance => join.width.mm,
-            _ => 0.0,
-        };
-        Stock { room: profiles.room(), flap }
+        Stock { room: profiles.room(), offset: profiles.material.offset() }
     }
 
     fn check(&self) -> Result<(), KeyError> {
@@ -96,13 +85,14 @@ impl Stage for UnfoldStage {
             clearance: self.clearance.mm,
             least_opening: self.least_opening.radians,
             moves: 1000 * self.effort,
-            sheet: self.fit_sheet.then(|| stock.free()),
+            sheet: self.fit_sheet.then_some(stock.room),
             seed: cx.seed,
         };
-        unfold(mesh, &options, &cx.monitor)
+        unfold(&offset(mesh, stock.offset).mesh, &options, &cx.monitor)
     }
 
     fn section(&self, mesh: &TriMesh, stock: &Stock, (cut, flat): &(CutMesh, Flattening)) -> Section {
+        let moved = offset(mesh, stock.offset);
         let length: f64 = cut.seams.iter().flat_map(|it| &it.sides[0]).map(|&h| cut.mesh.vector(h).norm()).sum();
         let diagonal = mesh.bounds().diagonal();
         let hulls = hulls(cut, flat);
@@ -135,6 +125,7 @@ impl Stage for UnfoldStage {
         let note = if area > 0.0 { format!("{area:.3} mm² in all, within one flat face") } else { String::new() };
         let section = Section::new("unfold", table)
             .table("seams", seams)
+            .neutral_layer(stock.offset, moved.error, moved.shortened.len())
             .check(Check::at_most("unfold.overlaps", flat.overlaps.len() as f64, 0.0, "pairs of faces", note))
             .check(isometry)
             .check(self.fits(cut, &hulls, stock));
@@ -154,7 +145,7 @@ impl Stage for UnfoldStage {
 impl UnfoldStage {
     /// Whether every piece has room on a sheet; a piece that has none is a single flat face.
     fn fits(&self, cut: &CutMesh, hulls: &crate::mesh::Field<PieceId, Vec<Vec2>>, stock: &Stock) -> Check {
-        let free = stock.free();
+        let free = stock.room;
         let large = |it: &(PieceId, &Vec<Vec2>)| least_excess(it.1, free).0 > 1.0;
         let found: Vec<String> = hulls
             .enumerate()
@@ -167,7 +158,7 @@ impl UnfoldStage {
         let note = match found.len() {
             0 => String::new(),
             _ => format!(
-                "{}; a sheet has room for {:.1} × {:.1} mm without what joins the pieces: scale the model, take larger stock, or more faces",
+                "{}; a sheet has room for {:.1} × {:.1} mm with what joins the pieces: scale the model, take larger stock, or more faces",
                 found.join(", "),
                 free[1],
                 free[0]
