@@ -62,7 +62,7 @@ pub(super) fn write(
         Dialect::LinuxCnc => program.line("G21 G90 G94 G17 G54 G64 P0.01"),
     }
     program.start();
-    for path in &sheet.paths {
+    for (k, path) in sheet.paths.iter().enumerate() {
         // What the machine has no tool for is not done; `route` leaves such paths out.
         let (Some(tool), Some(&first)) = (machine.tools.get(path.operation), path.path.points.first()) else {
             continue;
@@ -75,19 +75,25 @@ pub(super) fn write(
             straight = ArcPath::straight(path.path.chords(super::CHORD));
             &straight
         };
-        program.rapid(first);
+        if !path.joined {
+            program.rapid(first);
+        }
         let axis = machine.knife.filter(|_| machine.is_blade(tool)).and_then(|it| it.axis);
         if let (Some(axis), [a, b, ..]) = (axis, &way.points[..]) {
             program.turn(axis, [*a, *b], 0.0);
         }
-        program.lower(tool, path.depth);
+        if !path.joined || path.depth != sheet.paths[k - 1].depth {
+            program.lower(tool, path.depth);
+        }
         for (from, to, bulge) in way.stretches() {
             if let Some(axis) = axis {
                 program.turn(axis, [from, to], RIDES);
             }
             program.feed(from, to, bulge, tool);
         }
-        program.lift();
+        if sheet.paths.get(k + 1).is_none_or(|it| !it.joined) {
+            program.lift();
+        }
     }
     program.end();
     out.write_all(program.text.as_bytes())

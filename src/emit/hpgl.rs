@@ -42,7 +42,9 @@ pub(super) fn write(sheet: &SheetPaths, machine: &Machine, out: &mut dyn io::Wri
         set(&mut speed, "VS", machine.velocity.then(|| (tool.feed / CM_PER_SECOND).round().max(1.0)));
         set(&mut force, "FS", tool.force.map(f64::round));
         let mut last = place(*first);
-        text.push_str(&format!("PU{last};\n"));
+        if !path.joined {
+            text.push_str(&format!("PU{last};\n"));
+        }
         for point in rest.iter().map(|it| place(*it)) {
             // Points that fall together on the plotter's grid are one.
             if point != last {

@@ -46,6 +46,8 @@ pub struct Board {
     pub offsets: Offsets,
     /// Last reported machine position.
     pub position: Point,
+    /// Axes that it reports.
+    pub axes: Option<usize>,
     /// Last reported state.
     pub mode: Option<Mode>,
     /// Feed override in force, percent.
@@ -78,6 +80,7 @@ impl Board {
     /// Keeps what a report says; parts of it come only now and then.
     pub(super) fn note(&mut self, report: &Report) {
         self.mode = Some(report.mode);
+        self.axes = report.axes.or(self.axes);
         if let Some(p) = report.machine {
             self.position = p;
         } else if let Some(p) = report.work {
@@ -163,6 +166,18 @@ impl Board {
             out.push("the board reports in inches ($13=1); send `$13=0` to it".to_owned());
         }
         out
+    }
+
+    /// What a program needs that the board has not got: an axis that turns.
+    pub fn lacks(&self, turns: Option<(usize, char)>) -> Option<String> {
+        let ((line, letter), axes) = (turns?, self.axes?);
+        (axes <= 3).then(|| {
+            format!(
+                "line {}: the program turns an axis {letter}; the board reports {axes} axes and would refuse the line with \
+                 the tool at work: use a board with a fourth axis, or another machine profile",
+                line + 1
+            )
+        })
     }
 
     /// Where the program would leave the machine's travel, going by its position and offsets.

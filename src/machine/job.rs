@@ -141,12 +141,13 @@ impl<W: Wire> Session<'_, W, Grbl> {
     /// Refuses a program that would leave the machine's travel or its bed.
     fn check_bounds(&self, program: &Program, machine: &Machine) -> Result<(), SendError> {
         let board = &self.protocol.board;
-        let faults = if board.homes() {
+        let mut faults = if board.homes() {
             board.travel_faults(&program.machine, matches!(machine.head, Head::Z { .. }))
         } else {
             // Machine coordinates mean nothing here: the bed from the work zero is all there is.
             bed_faults(program, machine)
         };
+        faults.extend(board.lacks(program.turns));
         if faults.is_empty() { Ok(()) } else { Err(SendError::Refused(faults)) }
     }
 

@@ -184,6 +184,7 @@ pub fn read(text: &str, feed: f64, limits: Limits) -> Result<Program, Vec<Progra
         pauses,
         opaque: None,
         shifts: false,
+        turns: None,
         worked,
         travelled,
         plot: Some(feed),

@@ -129,6 +129,8 @@ pub struct Program {
     pub opaque: Option<usize>,
     /// Whether it sets offsets of its own (G10, G92): it then cannot be resumed.
     pub shifts: bool,
+    /// First line, an index, that turns a rotary axis, and its letter.
+    pub turns: Option<(usize, char)>,
     /// Length with the tool at work, mm.
     pub worked: f64,
     /// Length without, mm.
@@ -158,6 +160,7 @@ struct Reading {
     pauses: Vec<usize>,
     opaque: Option<usize>,
     shifts: bool,
+    turns: Option<(usize, char)>,
     worked: f64,
     travelled: f64,
     /// Whether the last move belonged to a contour that is not ended.
@@ -174,20 +177,7 @@ impl Program {
             lines.pop();
         }
         let mut it = Interpreter::new(setting.state.clone(), setting.sense);
-        let mut reading = Reading {
-            clock: Clock::new(setting.limits),
-            contours: Vec::new(),
-            machine: Bounds::EMPTY,
-            work: Bounds::EMPTY,
-            touched: Bounds::EMPTY,
-            pauses: Vec::new(),
-            opaque: None,
-            shifts: false,
-            worked: 0.0,
-            travelled: 0.0,
-            open: false,
-            label: None,
-        };
+        let mut reading = Reading::new(setting.limits);
         let mut errors = Vec::new();
         let mut ended = false;
         for index in 0..lines.len() {
@@ -231,6 +221,7 @@ impl Program {
             pauses: reading.pauses,
             opaque: reading.opaque,
             shifts: reading.shifts,
+            turns: reading.turns,
             worked: reading.worked,
             travelled: reading.travelled,
             plot: None,
@@ -291,6 +282,24 @@ fn line_of<'t>(text: &'t str, lines: &[u32], index: usize) -> &'t str {
 }
 
 impl Reading {
+    fn new(limits: Limits) -> Self {
+        Self {
+            clock: Clock::new(limits),
+            contours: Vec::new(),
+            machine: Bounds::EMPTY,
+            work: Bounds::EMPTY,
+            touched: Bounds::EMPTY,
+            pauses: Vec::new(),
+            opaque: None,
+            shifts: false,
+            turns: None,
+            worked: 0.0,
+            travelled: 0.0,
+            open: false,
+            label: None,
+        }
+    }
+
     /// Takes a line; true when the program ends with it.
     fn line(&mut self, index: usize, plain: &str, it: &mut Interpreter) -> Result<bool, ProgramError> {
         let number = index + 1;
@@ -312,6 +321,7 @@ impl Reading {
             self.open = false;
         }
         self.shifts |= it.state.offsets != was_working.offsets;
+        self.turns = self.turns.or(step.turns.map(|it| (index, it.0)));
         if step.waits {
             self.clock.stop(index, step.dwell);
         }
@@ -380,6 +390,9 @@ pub fn preamble(state: &State, sense: Sense, decimals: usize, dialect: Dialect) 
         out.push("M5".to_owned());
     }
     out.push(format!("G0X{:.decimals$}Y{:.decimals$}", work[0], work[1]));
+    if let Some((axis, angle)) = state.turned {
+        out.push(format!("G0{axis}{angle:.3}"));
+    }
     let spindle = match state.spindle {
         Spindle::Off => "M5",
         Spindle::On => "M3",

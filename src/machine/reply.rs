@@ -67,6 +67,8 @@ pub struct Report {
     pub mode: Mode,
     /// `MPos`, mm.
     pub machine: Option<Point>,
+    /// How many axes it reports.
+    pub axes: Option<usize>,
     /// `WPos`, mm.
     pub work: Option<Point>,
     /// `WCO`, mm; only now and then.
@@ -148,9 +150,12 @@ fn report(text: &str) -> Option<Report> {
         _ => return None,
     };
     let mut out =
-        Report { mode, machine: None, work: None, offset: None, feed: None, speed: None, free: None, overrides: None };
+        Report { mode, machine: None, axes: None, work: None, offset: None, feed: None, speed: None, free: None, overrides: None };
     for part in parts {
         let (key, value) = part.split_once(':')?;
+        if matches!(key, "MPos" | "WPos") {
+            out.axes = Some(value.split(',').count());
+        }
         match key {
             "MPos" => out.machine = Some(point(value)?),
             "WPos" => out.work = Some(point(value)?),

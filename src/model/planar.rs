@@ -187,8 +187,8 @@ pub struct Sheets {
     pub unplaced: Vec<String>,
 }
 
-/// One continuous movement of the tool in its working position. Several passes are already in it: a closed path goes
-/// round that often without lifting, an open one comes as that many toolpaths.
+/// One movement of the tool in its working position at one depth. Passes of one depth are already in it where the path is
+/// closed: it goes round that often; others come as toolpaths of their own.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Toolpath {
     /// What it does.
@@ -197,6 +197,8 @@ pub struct Toolpath {
     pub path: ArcPath,
     /// Share of the tool's full depth, in [0, 1]; heads without a Z axis know only 1. At 0 a blade only turns, on the surface.
     pub depth: f64,
+    /// Whether it begins where the path before ends, and the tool goes there from one depth to the other without a lift.
+    pub joined: bool,
     /// Name of the part; empty where a blade is only turned, in the margin.
     pub part: String,
 }
@@ -208,6 +210,13 @@ pub struct SheetPaths {
     pub size: Vec2,
     /// The paths.
     pub paths: Vec<Toolpath>,
+}
+
+impl SheetPaths {
+    /// The paths from one lift of the tool to the next.
+    pub fn strokes(&self) -> impl Iterator<Item = &[Toolpath]> {
+        self.paths.chunk_by(|_, next| next.joined)
+    }
 }
 
 /// The whole job for a machine: every point inside its travel.

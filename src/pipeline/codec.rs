@@ -248,7 +248,7 @@ records! {
     Sheet { size, parts, placements }
     Sheets { sheets, margin, gap, unplaced }
     ArcPath { points, bulges }
-    Toolpath { operation, path, depth, part }
+    Toolpath { operation, path, depth, joined, part }
     SheetPaths { size, paths }
     Toolpaths { sheets, cut_length, travel_length, lifts, seconds, left_out, uncompensated }
 }

@@ -46,7 +46,8 @@ pub fn simulate(files: &[File], nouns: &Nouns<'_>, profiles: &Profiles) -> Vec<C
             .map_err(|it| it.to_string())
             .and_then(|it| strokes(file.format, it, machine));
         let entry = found.entry(file.format).or_default();
-        let paths: Vec<_> = paths.paths.iter().filter(|it| machine.tools.get(it.operation).is_some()).collect();
+        let meant = paths.strokes().map(|it| &it[0]);
+        let paths: Vec<_> = meant.filter(|it| machine.tools.get(it.operation).is_some()).collect();
         match strokes {
             Ok(strokes) if strokes.len() == paths.len() => {
                 let place = |it: &Vec2| machine.from_work(*it, sheet.size);

@@ -9,7 +9,7 @@ use crate::{
         self, Drawing, DrawnLine,
         gcode::{self, Sense, Spindle},
     },
-    model::{Line, Part},
+    model::{Line, Part, Toolpath},
     profile::{Dialect, Head, Machine, Profiles},
     stage::Check,
 };
@@ -259,8 +259,13 @@ fn paths(
 ) -> Result<f64, String> {
     let Subject::Program(i) = subject else { return Err(NO_NOUN.into()) };
     let sheet = nouns.toolpaths.and_then(|it| it.sheets.get(i)).ok_or(NO_NOUN)?;
-    let done = sheet.paths.iter().filter(|it| machine.tools.get(it.operation).is_some());
-    let expected: Vec<Vec<Vec2>> = done.map(|it| marks(&it.path)).filter(|it| kept(it)).collect();
+    let done = sheet.strokes().filter(|it| machine.tools.get(it[0].operation).is_some());
+    let whole = |paths: &[Toolpath]| {
+        let mut whole = ArcPath::default();
+        paths.iter().for_each(|it| whole.append(&it.path));
+        whole
+    };
+    let expected: Vec<Vec<Vec2>> = done.map(|it| marks(&whole(it))).filter(|it| kept(it)).collect();
     if expected.len() != strokes.len() {
         let place = |it: &Vec2| machine.from_work(*it, sheet.size);
         return Err(miscounted(

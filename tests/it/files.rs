@@ -80,7 +80,7 @@ impl Job {
                 let close = line.closed.then_some(line.points[0]);
                 let points = line.points.iter().copied().chain(close).collect();
                 let path = ArcPath::straight(points);
-                Toolpath { operation: line.operation, path, depth: 1.0, part }
+                Toolpath { operation: line.operation, path, depth: 1.0, joined: false, part }
             });
             SheetPaths { size: sheet.size, paths: paths.collect() }
         };
@@ -451,9 +451,17 @@ fn a_trailing_blade_swivels_on_the_surface_where_that_is_asked_for() {
         assert!(check.ok, "{check:?}");
     }
     let program = text(files.iter().find(|it| it.path == "sheets/sheet-02.nc").unwrap()).to_owned();
-    let swivels = program.matches("G1 Z0.000 F300\nG4 P0.1\nG").count();
+    // Every swivel of the blade: raised to the surface, round, and down again, without a lift between.
+    let turned = program.match_indices("\nG1 Z0.000").filter(|(at, _)| {
+        let mut rest = program[at + 1..].lines().skip_while(|it| it.starts_with("G1 Z0.000") || it.starts_with("G4"));
+        rest.next().is_some_and(|it| it.starts_with("G2") || it.starts_with("G3"))
+            && rest.next().is_some_and(|it| it.starts_with("G1 Z-"))
+    });
     // Four corners of the tongue, the first again at the end of the way round; the first alignment leaves it askew.
+    let swivels = turned.count();
     assert!((4..=6).contains(&swivels), "{swivels}\n{program}");
+    let contours = job.toolpaths.sheets[1].paths.iter().filter(|it| !it.joined).count();
+    assert_eq!(program.matches("G0 Z").count(), contours + 1, "one lift for each contour and one at the start");
 }
 
 #[test]

@@ -159,6 +159,31 @@ fn a_job_outside_the_travel_is_refused_before_anything_moves() {
 }
 
 #[test]
+fn an_axis_that_the_board_has_not_got_is_missed_before_anything_moves() {
+    let machine = machine("drag-knife-a3", "knife = { offset = 0, overcut = 0, lift = 20, axis = \"A\" }\narcs = false");
+    let program = polygons(4, 12, 12.0).replace("M3 S90", "G0 A30\nM3 S90");
+    let run = |journal| Run { machine: &machine, wishes: HOME, journal, hands: vec![] };
+    let three = homed(false);
+    let text = send(&three, &program, run(None)).result.unwrap_err().to_string();
+    assert!(text.contains("line 6: the program turns an axis A; the board reports 3 axes"), "{text}");
+    assert_eq!(three.borrow().lines, 0);
+    let four = homed(false);
+    four.borrow_mut().config.rotary = true;
+    // Only the first contour turns it: whoever goes on behind that must turn it as well.
+    let once = program.replacen("G0 A30", "G0 A75", 1).replace("G0 A30\n", "");
+    let dir = tempfile::tempdir().unwrap();
+    let journal = dir.path().join("job.journal");
+    let hands = vec![(15.0, Wish::Abort)];
+    let out = send(&four, &once, Run { hands, ..run(Some(&journal)) });
+    assert!(matches!(out.result, Err(SendError::Fault { fault: Fault::Interrupted, .. })), "{:?}", out.result);
+    four.borrow_mut().angle = 0.0;
+    let out = send(&four, &once, Run { wishes: Wishes { resume: true, ..PLAIN }, ..run(Some(&journal)) });
+    out.result.unwrap_or_else(|err| panic!("{err}\n{}", out.log));
+    assert!(out.told[0].starts_with(|it: char| ('1'..='3').contains(&it)), "{:?}", out.told);
+    assert_eq!(four.borrow().angle, 75.0);
+}
+
+#[test]
 fn a_locked_machine_says_what_to_do_and_home_and_unlock_do_it() {
     let machine = machine("drag-knife-a3", "");
     let program = polygons(1, 8, 5.0);
@@ -189,7 +214,7 @@ fn check_and_frame_move_nothing_or_only_the_lifted_tool() {
     assert!(board.borrow().trace.is_empty(), "nothing moved");
     assert_eq!(board.borrow().state, crate::board::grbl::St::Idle, "check mode was left");
 
-    let bad = program.replace("G1 X20.000 Y30.000", "G1 X20.000 Y30.000 T-1 A3");
+    let bad = program.replace("G1 X20.000 Y30.000", "G1 X20.000 Y30.000 T-1 U3");
     assert_ne!(bad, program);
     let out = send(
         &board,
@@ -596,15 +621,20 @@ fn lost_and_garbled_bytes_never_leave_the_tool_on_and_are_seen_where_they_can_be
                 faults.garble_byte = Some((at, 1 << dice.below(7)));
             }
         }
-        let out = send(&board, &program, Run { machine: &machine, wishes: HOME, journal: None, hands: vec![] });
-        let board = board.borrow();
-        assert!(!board.tool_on() && !board.moving(), "{round}: {:?}\n{}", out.result, out.log);
+        let dir = tempfile::tempdir().unwrap();
+        let journal = dir.path().join("job.journal");
+        let out =
+            send(&board, &program, Run { machine: &machine, wishes: HOME, journal: Some(&journal), hands: vec![] });
+        assert!(!board.borrow().tool_on() && !board.borrow().moving(), "{round}: {:?}\n{}", out.result, out.log);
         match out.result {
-            Err(SendError::Fault { .. }) => seen += 1,
+            Err(SendError::Fault { .. }) => {
+                seen += 1;
+                resumes(&board, &program, &machine, &journal, &format!("byte {round}"));
+            }
             Err(other) => panic!("{round}: {other}"),
             Ok(()) => {
                 // How far from the meant path the tool went.
-                let touched = touched(&board);
+                let touched = touched(&board.borrow());
                 let off = touched.iter().flatten().map(|p| {
                     want.iter()
                         .flat_map(|it| it.windows(2))

@@ -272,6 +272,40 @@ fn a_stopped_cutter_lifts_its_tool() {
     }
 }
 
+/// The cutter has power of its own: it goes on to the end of its buffer, and after the cable is back it draws on.
+#[test]
+fn a_cutter_without_its_cable_runs_on_shortly_and_the_job_goes_on_after_replugging() {
+    let text = plot(8);
+    let want = meant(&text);
+    let machine = cutter_machine("esc-b");
+    let mut dice = Dice::new(29);
+    let mut longest = 0.0_f64;
+    for round in 0..20 {
+        let at = 2.0 + dice.share() * 20.0;
+        let board = Rc::new(RefCell::new(Cutter::new(Flow::EscB, 1024)));
+        board.borrow_mut().unplug_at = Some(at);
+        let dir = tempfile::tempdir().unwrap();
+        let journal = dir.path().join("job.journal");
+        let (result, _) = to_cutter(&board, &text, &machine, PLAIN, Some(&journal), f64::INFINITY);
+        let Err(SendError::Fault { fault: Fault::Unplugged(_), aborted }) = result else {
+            panic!("{round}: {result:?}")
+        };
+        assert!(!aborted.tool_off, "{round}: nobody can know");
+        while board.borrow().busy() {
+            let now = board.borrow().now();
+            board.borrow_mut().advance(now + 0.01);
+        }
+        longest = longest.max(board.borrow().now() - at);
+        board.borrow_mut().unplug_at = None;
+        let wishes = Wishes { resume: true, ..PLAIN };
+        let (result, told) = to_cutter(&board, &text, &machine, wishes, Some(&journal), f64::INFINITY);
+        result.unwrap_or_else(|err| panic!("{round}: {err}"));
+        once_or_doubted(&want, &board.borrow().strokes, &told, &format!("replugged {round}"));
+    }
+    println!("a cutter without its cable: at most {longest:.2} s of motion, {} s allowed", machine.link.buffered);
+    assert!(longest < machine.link.buffered + 1.0, "{longest}");
+}
+
 #[test]
 fn a_deaf_cutter_is_said() {
     let machine = cutter_machine("esc-b");

@@ -81,6 +81,8 @@ pub struct State {
     pub spindle: Spindle,
     /// S.
     pub speed: f64,
+    /// The rotary axis that was turned last and its angle, degrees.
+    pub turned: Option<(char, f64)>,
     /// 0 for G54 … 5 for G59.
     pub system: usize,
     /// Offsets in force.
@@ -102,6 +104,7 @@ impl State {
             feed: 0.0,
             spindle: Spindle::Off,
             speed: 0.0,
+            turned: None,
             system: 0,
             offsets,
             certain: true,
@@ -151,6 +154,8 @@ pub struct Step {
     pub opaque: bool,
     /// A G or M word, or a letter, that is not known here, as it was written.
     pub unknown: Option<String>,
+    /// The rotary axis that it turns, and its word.
+    pub turns: Option<(char, f64)>,
     /// Whether the tool rests at work after the line.
     pub working: bool,
 }
@@ -222,6 +227,7 @@ impl Interpreter {
                 b'P' => values.p = Some(word.value),
                 b'L' => values.l = Some(word.value),
                 b'S' => values.s = Some(word.value),
+                axis @ b'A'..=b'C' => step.turns = Some((axis as char, word.value)),
                 b'F' => f = Some(word.value),
                 _ => {}
             }
@@ -239,6 +245,10 @@ impl Interpreter {
             step.unknown = Some(format!("{}{}", word.letter as char, word.value));
         }
         self.modal(&words, &values, &mut step);
+        if let Some((axis, value)) = step.turns {
+            let from = self.state.turned.filter(|it| self.state.relative && it.0 == axis).map_or(0.0, |it| it.1);
+            self.state.turned = Some((axis, from + value));
+        }
         self.motion(&words, &values, &mut step)?;
         if step.end {
             // M2 and M30 put the modes back, as boards do.

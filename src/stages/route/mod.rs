@@ -138,7 +138,8 @@ pub fn route(sheets: &Sheets, options: &Options, monitor: &Monitor) -> Result<To
                     let inward = options.home.map(|it| 1.0 - 2.0 * it);
                     it.alignment(home, inward, sheets.margin)
                 }) {
-                    paths.push(Toolpath { operation: path.operation, path: way, depth: 1.0, part: String::new() });
+                    let (operation, part) = (path.operation, String::new());
+                    paths.push(Toolpath { operation, path: way, depth: 1.0, joined: false, part });
                     blade = Some(direction);
                 }
                 paths.extend(run(&path, tool, knife.map(|it| (it, &mut blade)), &waste));
@@ -269,16 +270,20 @@ fn join(walked: Vec<Way>) -> Vec<Way> {
     joined
 }
 
-/// A way in all its passes, with leads and webs, led by the blade's axis where a blade does it. Passes of one depth
-/// follow each other without a lift where the way is closed; open ways are run to and fro, except by a blade.
+/// A way in all its passes, with leads and webs, led by the blade's axis where a blade does it. Passes follow each other
+/// without a lift where one begins at the end of the other; open ways are run to and fro, except by a blade. A blade that
+/// an axis turns (one without an offset) turns in the air.
 fn run(way: &Way, tool: &Tool, mut knife: Option<(Knife, &mut Option<Vec2>)>, waste: &Waste<'_>) -> Vec<Toolpath> {
     let drags = knife.is_some();
     let leads = (way.closed && tool.lead > 0.0 && !drags)
         .then(|| shape::leads(&way.path, tool.lead, tool.kerf, waste))
         .flatten();
     let mut out: Vec<Toolpath> = Vec::new();
+    let in_air = knife.as_ref().is_some_and(|(it, _)| it.offset == 0.0);
     let mut add = |path: ArcPath, depth: f64| {
-        out.push(Toolpath { operation: way.operation, path, depth, part: way.part.clone() });
+        let end = out.last().and_then(|it: &Toolpath| it.path.points.last());
+        let joined = !in_air && end.is_some_and(|it| (it - path.points[0]).norm() < JOIN);
+        out.push(Toolpath { operation: way.operation, path, depth, joined, part: way.part.clone() });
     };
     for (group, passes) in tool.passes.chunk_by(|a, b| a == b).enumerate() {
         let depth = passes[0];
@@ -321,13 +326,15 @@ fn run(way: &Way, tool: &Tool, mut knife: Option<(Knife, &mut Option<Vec2>)>, wa
 /// Adds a sheet to the sums of the job.
 fn total(job: &mut Toolpaths, paths: &[Toolpath], home: Vec2, options: &Options) {
     let mut at = home;
-    for Toolpath { operation, path, .. } in paths {
+    for Toolpath { operation, path, joined, .. } in paths {
         let (first, last) = (path.points[0], path.points[path.points.len() - 1]);
         let tool = options.tools.iter().find(|it| it.operation == *operation);
         job.cut_length += path.length();
-        job.travel_length += (first - at).norm();
-        job.lifts += 1;
-        job.seconds += options.dynamics.travel((first - at).norm()) + options.dynamics.lift;
+        if !joined {
+            job.travel_length += (first - at).norm();
+            job.lifts += 1;
+            job.seconds += options.dynamics.travel((first - at).norm()) + options.dynamics.lift;
+        }
         job.seconds += tool.map_or(0.0, |it| options.dynamics.along(&path.chords(TIMED), it.feed));
         at = last;
     }

@@ -31,7 +31,7 @@ impl Default for RouteStage {
 
 impl Stage for RouteStage {
     const NAME: &'static str = "route";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     type Input = Sheets;
     type Output = Toolpaths;
     /// Feeds, speeds and the blade; all of it is read.

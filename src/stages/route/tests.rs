@@ -151,7 +151,15 @@ fn passes_repeat_paths() {
     assert!((three.cut_length - 3.0 * one.cut_length).abs() < 1e-6);
     let closed = |job: &Toolpaths| job.sheets[0].paths.iter().filter(|it| it.operation.is_cut()).count();
     assert_eq!(closed(&one), closed(&three));
-    assert_eq!(three.lifts - one.lifts, 2 * (one.lifts - closed(&one)));
+    assert_eq!(three.lifts, one.lifts, "open lines are run to and fro");
+    assert_eq!(three.sheets[0].paths.len() - one.sheets[0].paths.len(), 2 * (one.lifts - closed(&one)));
+    for tool in &mut twice.tools {
+        tool.passes = vec![0.5, 1.0];
+    }
+    let deeper = run(&twice);
+    assert_eq!(deeper.lifts, one.lifts, "the tool goes down where it is");
+    let strokes: Vec<&[Toolpath]> = deeper.sheets[0].strokes().collect();
+    assert!(strokes.iter().all(|it| it.len() == 2 && [it[0].depth, it[1].depth] == [0.5, 1.0]));
 }
 
 #[test]

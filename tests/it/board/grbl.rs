@@ -49,6 +49,8 @@ pub(crate) struct Config {
     pub(crate) reset_on_open: bool,
     /// Seconds from power-up or open to the banner.
     pub(crate) boot: f64,
+    /// Whether it has a fourth axis, A; its angle is kept in [`GrblBoard::angle`] and takes no time.
+    pub(crate) rotary: bool,
     pub(crate) faults: Faults,
 }
 
@@ -81,6 +83,7 @@ impl Config {
             settings: settings.into(),
             reset_on_open: true,
             boot: 1.2,
+            rotary: false,
             faults: Faults::default(),
         }
     }
@@ -196,6 +199,8 @@ pub(crate) struct GrblBoard {
     pub(crate) oks: usize,
     pub(crate) lines: usize,
     pub(crate) overrun: usize,
+    /// Degrees of the fourth axis.
+    pub(crate) angle: f64,
     pub(crate) trace: Vec<Sample>,
     /// Times at which the tool changed.
     pub(crate) switched: Vec<(f64, bool)>,
@@ -243,6 +248,7 @@ impl GrblBoard {
             oks: 0,
             lines: 0,
             overrun: 0,
+            angle: 0.0,
             trace: Vec::new(),
             switched: Vec::new(),
             on: false,
@@ -432,7 +438,9 @@ impl GrblBoard {
             St::Home(_) => "Home".into(),
         };
         let [x, y, z] = self.reported();
-        let mut text = format!("<{name}|MPos:{x:.3},{y:.3},{z:.3}|FS:{:.0},{:.0}", self.v * 60.0, self.output.1);
+        let fourth = if self.config.rotary { format!(",{:.3}", self.angle) } else { String::new() };
+        let mut text =
+            format!("<{name}|MPos:{x:.3},{y:.3},{z:.3}{fourth}|FS:{:.0},{:.0}", self.v * 60.0, self.output.1);
         self.reports += 1;
         if self.reports % 10 == 1 {
             let w = self.offset();
@@ -812,6 +820,7 @@ impl GrblBoard {
                 ('F', _) if value >= 0.0 => {}
                 ('F' | 'S', _) if value < 0.0 => return Err(4),
                 ('S' | 'X' | 'Y' | 'Z' | 'I' | 'J' | 'K' | 'R' | 'P' | 'L' | 'T' | 'N', _) => {}
+                ('A', _) if self.config.rotary => self.angle = value,
                 _ => return Err(20),
             }
         }
