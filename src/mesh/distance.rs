@@ -60,6 +60,37 @@ pub fn sample(mesh: &TriMesh, count: usize) -> Vec<SurfacePoint> {
     points
 }
 
+/// About `count` points spread by area that keep the symmetries of the mesh: every face whose share is at least half a point
+/// holds the centroids of n² equal triangles, n² near its share. Of smaller faces some hold their centroid, by systematic
+/// sampling in their order.
+pub fn sample_symmetrically(mesh: &TriMesh, count: usize) -> Vec<SurfacePoint> {
+    let step = mesh.total_area() / count as f64;
+    let mut points = Vec::with_capacity(count);
+    let mut small = 0.0;
+    for face in mesh.faces() {
+        let share = mesh.area(face) / step;
+        if share < 0.5 {
+            small += share;
+            if small < 0.5 {
+                continue;
+            }
+            small -= 1.0;
+        }
+        let n = share.sqrt().round().max(1.0) as usize;
+        let edge = 3.0 * n as f64;
+        for i in 0..n {
+            for j in 0..n - i {
+                // The triangle (i, j) that points the way of the face, and its neighbour that points the other way.
+                for offset in 1..=if i + j + 1 < n { 2 } else { 1 } {
+                    let (v, w) = ((3 * i + offset) as f64 / edge, (3 * j + offset) as f64 / edge);
+                    points.push(SurfacePoint { face, barycentric: [1.0 - v - w, v, w] });
+                }
+            }
+        }
+    }
+    points
+}
+
 /// How far two surfaces are apart, sampled in both directions. mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfaceDistance {
@@ -276,8 +307,11 @@ impl Piece {
     }
 
     /// The parts on the two sides of the plane through a side of `target` and its normal, if that plane divides the piece
-    /// well and the target is not small against the piece.
-    fn cut(&self, target: &[Vec3; 3]) -> Option<[[Vec3; 3]; 3]> {
+    /// well and the target is not small against the piece. What is symmetric is cut symmetrically: the quadrangle beside
+    /// the lone corner along its shorter diagonal, or about its middle where both are as long.
+    fn cut(&self, target: &[Vec3; 3]) -> Option<Vec<[Vec3; 3]>> {
+        /// Diagonals that differ by less than this share are equal but for rounding.
+        const EQUAL: f64 = 1e-9;
         let normal = (target[1] - target[0]).cross(&(target[2] - target[0]));
         let (mut best, mut heights) = (BALANCE * self.radius, None);
         let mut size = 0.0_f64;
@@ -298,7 +332,15 @@ impl Piece {
         let [p, q, r] = [i, j, k].map(|at| self.corners[at]);
         let crossing = |to: Vec3, height: f64| p + (to - p) * (heights[i] / (heights[i] - height));
         let (x, y) = (crossing(q, heights[j]), crossing(r, heights[k]));
-        Some([[p, x, y], [x, q, r], [x, r, y]])
+        let (xr, qy) = ((r - x).norm(), (y - q).norm());
+        Some(if (xr - qy).abs() <= EQUAL * (xr + qy) {
+            let middle = (x + q + r + y) / 4.0;
+            vec![[p, x, y], [x, q, middle], [q, r, middle], [r, y, middle], [y, x, middle]]
+        } else if xr < qy {
+            vec![[p, x, y], [x, q, r], [x, r, y]]
+        } else {
+            vec![[p, x, y], [x, q, y], [q, r, y]]
+        })
     }
 }
 
@@ -324,6 +366,25 @@ mod tests {
             })
             .collect();
         TriMesh::new(positions, &faces).unwrap()
+    }
+
+    /// The square is its own mirror image about its diagonal, which the edges follow.
+    #[test]
+    fn symmetric_samples_of_a_symmetric_mesh_are_symmetric() {
+        let mesh = graph(3, |x, y| 0.3 * x * y);
+        for count in [18, 160, 1000] {
+            let points: Vec<Vec3> =
+                sample_symmetrically(&mesh, count).iter().map(|it| it.position(&mesh)).collect();
+            assert!((0.6..1.5).contains(&(points.len() as f64 / count as f64)), "{} of {count}", points.len());
+            for p in &points {
+                let image = Vec3::new(p.y, p.x, p.z);
+                assert!(points.iter().any(|q| (q - image).norm() < 1e-12), "{p} has no image");
+            }
+        }
+        // Where there are fewer points than faces, they are still spread by area.
+        let few = sample_symmetrically(&mesh, 6);
+        assert_eq!(few.len(), 6);
+        assert!(few.windows(2).all(|it| it[0].face != it[1].face));
     }
 
     fn bounds(from: &TriMesh, to: &TriMesh, resolution: f64) -> HausdorffBounds {

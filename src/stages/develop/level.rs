@@ -18,7 +18,7 @@ use crate::{
     geom::{Vec3, closest_on_triangle},
     mesh::{
         Bvh, TriMesh,
-        distance::{Violation, sample, violations},
+        distance::{Violation, sample_symmetrically, violations},
     },
     model::Round,
     numeric::{
@@ -198,8 +198,8 @@ impl<'a> Job<'a> {
         let groups = curves.as_ref().map_or(&[][..], Curves::groups);
         let solver = Solver::new(settings.optimizer, &mesh, groups)?;
         let hold = self.options.fidelity.then(|| {
-            let points =
-                sample(self.source, SAMPLES * mesh.vertex_count()).into_iter().map(|it| it.position(self.source));
+            let samples = sample_symmetrically(self.source, SAMPLES * mesh.vertex_count());
+            let points = samples.iter().map(|it| it.position(self.source));
             let points: Vec<Vec3> = points.chain(self.source.positions().iter().copied()).collect();
             Fidelity::new(self.tree, &points, &mesh, unit, band, settings.hold)
         });
