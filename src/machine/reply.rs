@@ -149,8 +149,17 @@ fn report(text: &str) -> Option<Report> {
         "Tool" => Mode::Tool,
         _ => return None,
     };
-    let mut out =
-        Report { mode, machine: None, axes: None, work: None, offset: None, feed: None, speed: None, free: None, overrides: None };
+    let mut out = Report {
+        mode,
+        machine: None,
+        axes: None,
+        work: None,
+        offset: None,
+        feed: None,
+        speed: None,
+        free: None,
+        overrides: None,
+    };
     for part in parts {
         let (key, value) = part.split_once(':')?;
         if matches!(key, "MPos" | "WPos") {

@@ -373,8 +373,7 @@ mod tests {
     fn symmetric_samples_of_a_symmetric_mesh_are_symmetric() {
         let mesh = graph(3, |x, y| 0.3 * x * y);
         for count in [18, 160, 1000] {
-            let points: Vec<Vec3> =
-                sample_symmetrically(&mesh, count).iter().map(|it| it.position(&mesh)).collect();
+            let points: Vec<Vec3> = sample_symmetrically(&mesh, count).iter().map(|it| it.position(&mesh)).collect();
             assert!((0.6..1.5).contains(&(points.len() as f64 / count as f64)), "{} of {count}", points.len());
             for p in &points {
                 let image = Vec3::new(p.y, p.x, p.z);

@@ -160,7 +160,8 @@ fn a_job_outside_the_travel_is_refused_before_anything_moves() {
 
 #[test]
 fn an_axis_that_the_board_has_not_got_is_missed_before_anything_moves() {
-    let machine = machine("drag-knife-a3", "knife = { offset = 0, overcut = 0, lift = 20, axis = \"A\" }\narcs = false");
+    let machine =
+        machine("drag-knife-a3", "knife = { offset = 0, overcut = 0, lift = 20, axis = \"A\" }\narcs = false");
     let program = polygons(4, 12, 12.0).replace("M3 S90", "G0 A30\nM3 S90");
     let run = |journal| Run { machine: &machine, wishes: HOME, journal, hands: vec![] };
     let three = homed(false);

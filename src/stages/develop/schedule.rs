@@ -3,9 +3,9 @@ use super::{DevelopError, Optimizer, Options, barrier::Weights, energy::Energy};
 
 /// Weight of the fidelity term in the first and the last round of the last level; before, it is between them.
 const HOLD: [f64; 2] = [6.0, 90.0];
-/// Weight of the pull towards the source over the energy at the start of a round, in all rounds but the first of the last
-/// level: where the energy is low already, closeness may cost less of it.
-const PULL: f64 = 0.4;
+/// Weight of the pull towards the source over the energy at the start of a round, in the first and the last round of the
+/// last level: where the energy is low already, closeness may cost less of it, and at the start of the first it is high.
+const PULL: [f64; 2] = [0.04, 0.4];
 /// Weights of the barriers on the coarsest level.
 const BARRIERS: Weights = Weights { angle: 3e-4, fold: 0.01, defect: 0.1, area: 1e-4 };
 /// Relative decrease of the objective over the window of an optimiser below which a round ends.
@@ -86,7 +86,11 @@ impl Settings {
             decrease: DECREASE,
             gradient: GRADIENT,
             hold: HOLD[0] * (HOLD[1] / HOLD[0]).powf(share),
-            pull: if level < levels || round == 0 { 0.0 } else { PULL },
+            pull: match round {
+                _ if level < levels => 0.0,
+                0 => PULL[0],
+                _ => PULL[0] + share * (PULL[1] - PULL[0]),
+            },
             weights: Weights { angle: BARRIERS.angle * shrink, area: BARRIERS.area * shrink, ..BARRIERS },
         };
         let concerns = |it: &&Override| it.level.is_none_or(|l| l == level) && it.round.is_none_or(|r| r == round);
