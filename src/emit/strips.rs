@@ -33,7 +33,8 @@ pub fn obj(strips: &Strips, pieces: &Field<PieceId, Piece>, out: &mut dyn io::Wr
 
 /// The rulings that are rolled, in the order of work along each strip, as CSV. `feed_mm` is the way from the ruling before
 /// in the same strip, middle to middle; places are those of the files of the parts; bends are positive where the outer
-/// side is convex.
+/// side is convex. Radii are those of the curvature across the ruling at its start (x1, y1), its middle and its end, where a
+/// ruling of a cone or of tangents has different ones; where rulings meet in a point it is 0 there.
 pub fn rolling(strips: &Strips, pieces: &Field<PieceId, Piece>) -> Vec<u8> {
     let mut out = String::from(
         "piece,strip,ruling,x1_mm,y1_mm,x2_mm,y2_mm,length_mm,feed_mm,bend_deg,radius_start_mm,radius_middle_mm,radius_end_mm\n",

@@ -9,7 +9,7 @@ use std::{
 
 use serde_json::Value;
 
-fn fixture(name: &str) -> String {
+pub(crate) fn fixture(name: &str) -> String {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name).display().to_string()
 }
 
@@ -18,7 +18,7 @@ fn fabricate(args: &[&str]) -> Output {
 }
 
 /// Runs a job into `out` and returns its report; `1` (a failed check) is an end like any other.
-fn job(out: &Path, args: &[&str]) -> Value {
+pub(crate) fn job(out: &Path, args: &[&str]) -> Value {
     let out_arg = out.display().to_string();
     let result = fabricate(&[&["run"], args, &["--out", &out_arg, "--quiet", "--json"]].concat());
     let stderr = String::from_utf8_lossy(&result.stderr);

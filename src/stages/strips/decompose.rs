@@ -29,17 +29,32 @@ pub(super) struct Terms {
 /// panels are as wide as the tolerance allows where the surface is smooth, and narrower where it is not.
 const PANEL: f64 = 1.0;
 /// What a triangle costs on top, in panels: strips of quadrilaterals are worth more than fans.
-const TRIANGLE: f64 = 1.0;
-/// What a chord costs, in panels, that is as far from the surface as the tolerance.
+const TRIANGLE: f64 = 3.0;
+/// What a chord costs, in panels, by the square of its distance from the surface, in tolerances, above one. Nearer ones
+/// cost nothing for it: the largest distance is where noise shows most, and would turn chords out of the rulings.
 const BOW: f64 = 5.0;
 /// A chord that is this share of its length away from the surface costs a panel; it is shorter than the surface by
 /// 8/3 of the square.
-const SHALLOW: f64 = 0.007;
+const SHALLOW: f64 = 0.01;
 /// What a panel costs, in panels, that cannot be avoided and is as thick as the tolerance.
 const THICK: f64 = 1.0;
 /// Weight of the twist of a quadrilateral, squared, over its area. Facets say little about the direction of a ruling;
 /// whether four points of the outline are in a plane says more.
-const TWIST: f64 = 5.0;
+const TWIST: f64 = 1.0;
+
+impl Terms {
+    /// Price of a panel, mm².
+    fn price(&self) -> f64 {
+        PANEL * (8.0 * self.tolerance).powi(2)
+    }
+
+    /// What a chord costs by itself, mm².
+    pub(super) fn of_chord(&self, chord: &Chord) -> f64 {
+        let bow = (chord.bow / self.tolerance).powi(2);
+        let shallow = SHALLOW * chord.length.max(f64::MIN_POSITIVE);
+        self.price() * (BOW * (bow - 1.0).max(0.0) + (chord.bow / shallow).powi(2))
+    }
+}
 
 /// How a state is continued.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -210,8 +225,7 @@ impl<'a> Programme<'a> {
         let closing = border.back(border.len() - 1);
         let edge = Chord { flux: closing.flux, length: 0.0, surface: 0.0, bow: 0.0, spread: 0.0 };
         push(0, n - 1, edge, closing);
-        let price = PANEL * (8.0 * terms.tolerance).powi(2);
-        Ok(Self { border, chosen, terms, price, states, at, partners })
+        Ok(Self { border, chosen, terms, price: terms.price(), states, at, partners })
     }
 
     fn state(&self, i: usize, k: usize) -> Option<&State> {
@@ -237,10 +251,7 @@ impl<'a> Programme<'a> {
     fn settle(&mut self, at: usize) {
         let State { ends, sum, chord, .. } = self.states[at];
         let (i, k) = (ends[0] as usize, ends[1] as usize);
-        // Small bows are noise; a ruling is not worth less for them.
-        let bow = (chord.bow / self.terms.tolerance).powi(2);
-        let shallow = SHALLOW * chord.length.max(f64::MIN_POSITIVE);
-        let own = self.price * (BOW * bow * bow.min(1.0) + (chord.bow / shallow).powi(2));
+        let own = self.terms.of_chord(&chord);
         let mut best = (f64::INFINITY, Step::Cap);
         self.cap(i, k, &sum, &mut best);
         self.strips(i, k, &sum, &mut best);

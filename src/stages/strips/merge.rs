@@ -66,7 +66,7 @@ pub(super) fn split(
         if quadrilateral(outline, border.len()).is_some() || thickness(border, outline, terms) <= 1.0 {
             continue;
         }
-        for (i, k) in within(patch, form, border, outline, monitor)?.unwrap_or_default() {
+        for (i, k) in within(patch, form, border, outline, terms, monitor)?.unwrap_or_default() {
             if outline.windows(2).any(|w| (w[0], w[1]) == (i, k)) {
                 continue;
             }
@@ -88,7 +88,9 @@ pub(super) fn merged(border: &Border, it: Decomposition, terms: &Terms) -> Decom
         outline.dedup();
         let warped = quadrilateral(&outline, border.len())
             .is_some_and(|corners| planarity(corners.map(|i| border.xyz[i])) > terms.planarity);
-        (if warped { f64::INFINITY } else { thickness(border, &outline, terms) }, outline)
+        // Panels folded flat onto each other are in one plane, too.
+        let folded = normal(border, &panels[a]).dot(&normal(border, &panels[b])) <= 0.0;
+        (if warped || folded { f64::INFINITY } else { thickness(border, &outline, terms) }, outline)
     };
     let mut prices: Vec<f64> = open.iter().map(|it| union(&panels, it.panels[0], it.panels[1]).0).collect();
     loop {

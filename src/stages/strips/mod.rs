@@ -29,7 +29,7 @@ pub mod stage;
 mod tests;
 mod triangulate;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use rayon::prelude::*;
 
@@ -198,10 +198,14 @@ fn solve(piece: PieceId, mut patch: Patch, terms: &Terms, monitor: &Monitor) -> 
     let form = Form::new(&patch);
     let border = Border::new(&patch, &form);
     let gap = terms.reach / 2 * STRIDE;
-    let Some(guide) = triangulate::triangulation(&patch, &form, &border, gap, monitor)? else { return Ok(unsolved) };
+    let Some(guide) = triangulate::triangulation(&patch, &form, &border, gap, terms, monitor)? else {
+        return Ok(unsolved);
+    };
     let n = border.len();
-    let every_second = (0..n - 1).step_by(STRIDE).chain([n - 1]).collect();
-    let coarse = decompose(&patch, &form, &border, every_second, &guide, terms, monitor)?;
+    // The ends of the triangulation take part, so that it is among the candidates.
+    let ends = guide.iter().flat_map(|&(i, k)| [i, k]);
+    let chosen: BTreeSet<usize> = (0..n - 1).step_by(STRIDE).chain([n - 1]).chain(ends).collect();
+    let coarse = decompose(&patch, &form, &border, chosen.into_iter().collect(), &guide, terms, monitor)?;
     // The chords of the triangulation, or those of the first programme, are among the candidates, so something is found.
     let (around, band) = match &coarse {
         Some(it) => (it.chords.iter().map(|it| (it.ends[0], it.ends[1])).collect(), FINE_BAND),

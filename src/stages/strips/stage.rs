@@ -36,7 +36,7 @@ impl Default for StripsStage {
 
 impl Stage for StripsStage {
     const NAME: &'static str = "strips";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type Input = (SourceMesh, CutMesh, Flattening);
     type Output = Strips;
     /// Smallest radius to which the material can be bent, mm, if it is known.
@@ -120,7 +120,34 @@ fn table(it: &Quality, strips: &Strips, cut: &CutMesh, diagonal: f64) -> serde_j
         "unreliable": names(cut, &it.unreliable),
         "flat": names(cut, &it.flat),
         "residual": strips.residual.as_slice(),
+        "bending": cut.pieces.enumerate().map(|(id, piece)| bending(strips, id, &piece.name)).collect::<Vec<_>>(),
     })
+}
+
+/// What bending a piece takes: the rulings rolled and folded, their lengths, the largest bends, and the tightest roll.
+fn bending(strips: &Strips, id: PieceId, name: &str) -> serde_json::Value {
+    let all = || strips.rulings.iter().filter(|it| it.piece == id);
+    let is_fold = |it: &&Ruling| it.bend.abs() >= strips.fold_angle;
+    let length = |wanted: bool| all().filter(|it| is_fold(it) == wanted).map(|it| it.length).sum::<f64>();
+    let bend = |wanted: bool| {
+        all().filter(|it| is_fold(it) == wanted).map(|it| it.bend.abs()).fold(0.0, f64::max).to_degrees()
+    };
+    let folded = all().filter(is_fold).count();
+    let mut row = json!({
+        "piece": name,
+        "rolled": all().count() - folded,
+        "folded": folded,
+        "rolled_mm": length(false),
+        "folded_mm": length(true),
+        "largest_roll_deg": bend(false),
+        "largest_fold_deg": bend(true),
+    });
+    // Absent where nothing is rolled: JSON has no infinity.
+    let radius = all().filter(|it| !is_fold(it)).map(|it| it.radius[1]).fold(f64::INFINITY, f64::min);
+    if radius.is_finite() {
+        row["least_radius_mm"] = json!(radius);
+    }
+    row
 }
 
 fn solved_check(cut: &CutMesh, it: &Quality) -> Check {
@@ -141,7 +168,7 @@ fn crossing_check(it: &Quality) -> Check {
     Check::at_most("strips.crossings", (it.crossings + it.interleaved) as f64, 0.0, "pairs of rulings", note)
 }
 
-/// The tightest bend that is rolled, against what the material bears.
+/// The tightest bend that is rolled, at the middle of its ruling, against what the material bears.
 fn radius_check(cut: &CutMesh, strips: &Strips, limit: f64) -> Check {
     let rolled = strips.rulings.iter().filter(|it| it.bend.abs() < strips.fold_angle);
     let tightest = rolled.min_by(|a: &&Ruling, b: &&Ruling| a.radius[1].total_cmp(&b.radius[1]));
@@ -157,4 +184,41 @@ fn radius_check(cut: &CutMesh, strips: &Strips, limit: f64) -> Check {
     });
     // JSON has no infinity; a job without bends keeps any limit.
     Check { ok: radius >= limit, ..Check::at_least("strips.bend_radius", radius.min(1e9), limit, "mm", note) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        mesh::{
+            TriMesh,
+            shapes::ruled::{self, DEVELOPABLE},
+        },
+        stages::strips::tests::{one_piece, solved},
+    };
+
+    #[test]
+    fn a_bend_tighter_than_the_material_bears_is_found_with_its_place() {
+        // The cylinder has a radius of 40 mm.
+        let piece = || ruled::patch(&DEVELOPABLE[0], 14, 0.0);
+        let (strips, _) = solved(piece(), 0.2);
+        let (cut, _) = one_piece(piece());
+        let [borne, broken] = [30.0, 60.0].map(|limit| radius_check(&cut, &strips, limit));
+        assert!(borne.ok && borne.limit == 30.0, "{borne:?}");
+        assert!(!broken.ok && (30.0..45.0).contains(&broken.value), "{broken:?}");
+        let place = |it: &Ruling| (strips.place(it.ends[0]) + strips.place(it.ends[1])) / 2.0;
+        let tightest = strips.rulings.iter().find(|it| it.radius[1] == broken.value).map(place).unwrap();
+        let wanted = format!("piece A near ({:.1}, {:.1}, {:.1})", tightest.x, tightest.y, tightest.z);
+        assert!(broken.note.contains(&wanted), "{}", broken.note);
+    }
+
+    #[test]
+    fn what_has_no_rulings_is_said() {
+        let (uv, faces) = ruled::blob(10);
+        let dome = uv.iter().map(|p| p.push((70.0_f64.powi(2) - p.norm_squared()).sqrt())).collect();
+        let piece = (TriMesh::new(dome, &faces).unwrap(), uv);
+        let (_, quality) = solved(piece.clone(), 0.1);
+        let check = solved_check(&one_piece(piece).0, &quality);
+        assert!(check.ok && check.note.contains("no reliable rulings in A, which come as triangles"), "{check:?}");
+    }
 }

@@ -16,7 +16,7 @@ use crate::{
 };
 
 /// One piece of a mesh and the places of its vertices in the plane.
-fn one_piece((mesh, uv): (TriMesh, Vec<Vec2>)) -> (CutMesh, Flattening) {
+pub(super) fn one_piece((mesh, uv): (TriMesh, Vec<Vec2>)) -> (CutMesh, Flattening) {
     let n = mesh.vertex_count();
     let cut = CutMesh {
         origin: Field::from_fn(n, |v: VertexId| v),
@@ -36,7 +36,7 @@ fn options(tolerance: f64) -> Options {
     Options { spacing: Spacing::Tolerance(tolerance), planarity: 0.003, fold_angle: 0.5 }
 }
 
-fn solved(piece: (TriMesh, Vec<Vec2>), tolerance: f64) -> (Strips, Quality) {
+pub(super) fn solved(piece: (TriMesh, Vec<Vec2>), tolerance: f64) -> (Strips, Quality) {
     let (cut, flat) = one_piece(piece);
     let out = strips(&cut, &flat, &options(tolerance), &Monitor::silent()).unwrap();
     let quality = quality(&cut, &flat, &out);
@@ -66,9 +66,11 @@ fn rulings_of_exact_surfaces_are_found() {
             assert!(it.planarity_max <= 0.003, "{name}: planarity {}", it.planarity_max);
             assert!((it.covered_share - 1.0).abs() < 1e-9, "{name}: {} covered", it.covered_share);
             assert_eq!((it.interleaved, it.crossings), (0, 0), "{name}");
-            ruling_error(surface, &out)
+            (ruling_error(surface, &out), it.area_shares[0])
         });
-        assert!(errors[2] <= 0.5 && errors[2] < errors[0], "{name}: {errors:?}");
+        let [coarse, medium, fine] = errors.map(|it| it.0);
+        assert!(fine <= 0.5 && fine < medium && medium < coarse, "{name}: {errors:?}");
+        assert!(errors[2].1 >= 0.95, "{name}: quads {errors:?}");
     }
 }
 
@@ -76,28 +78,29 @@ fn rulings_of_exact_surfaces_are_found() {
 fn noise_of_a_twentieth_of_an_edge_turns_rulings_little() {
     for surface in &DEVELOPABLE {
         let (out, it) = solved(ruled::patch(surface, 28, 0.05), 0.25);
-        // Two degrees are wanted; on the tangents of a helix they are missed by a quarter of one.
-        let limit = if surface.name == "tangents" { 2.3 } else { 2.0 };
-        assert!(ruling_error(surface, &out) <= limit, "{}: {}°", surface.name, ruling_error(surface, &out));
-        if surface.name != "tangents" {
-            assert!(it.planarity_p99 <= 0.003 && it.covered_share > 0.999, "{}: {it:?}", surface.name);
-        }
+        let error = ruling_error(surface, &out);
+        assert!(error <= 2.0, "{}: {error}°", surface.name);
+        assert!(it.planarity_p99 <= 0.003 && it.covered_share > 0.999, "{}: {it:?}", surface.name);
     }
 }
 
 #[test]
 fn radii_are_those_of_the_formula() {
-    for surface in &DEVELOPABLE[..1] {
+    for surface in &DEVELOPABLE {
         let (out, _) = solved(ruled::patch(surface, 28, 0.0), 0.1);
         let between_quads = |it: &&Ruling| it.panels.map(|p| out.panels[p as usize].kind) == [PanelKind::Quad; 2];
         let quads: Vec<_> = out.rulings.iter().filter(between_quads).collect();
         assert!(quads.len() > 4, "{}", surface.name);
-        let error = |it: &&Ruling| {
-            let [a, b] = it.ends.map(|c| out.flat(c));
-            (it.radius[1] / (surface.radius)((a + b) / 2.0) - 1.0).abs()
-        };
-        let mean = quads.iter().map(error).sum::<f64>() / quads.len() as f64;
-        assert!(mean < 0.05, "{}: {mean}", surface.name);
+        // At the start, the middle and the end of a ruling: on the cone and the tangents the radius grows along it.
+        for (k, t) in [0.0, 0.5, 1.0].into_iter().enumerate() {
+            let error = |it: &&Ruling| {
+                let [a, b] = it.ends.map(|c| out.flat(c));
+                (it.radius[k] / (surface.radius)(a + (b - a) * t) - 1.0).abs()
+            };
+            let mean = quads.iter().map(error).sum::<f64>() / quads.len() as f64;
+            let limit = if k == 1 { 0.05 } else { 0.1 };
+            assert!(mean < limit, "{}: {mean} at {t}", surface.name);
+        }
     }
 }
 

@@ -5,6 +5,7 @@
 use super::{
     border::{Border, Sum},
     chord::{Chord, Form},
+    decompose::Terms,
     patch::Patch,
 };
 use crate::{
@@ -14,6 +15,10 @@ use crate::{
 
 /// Samples that the programme aims at: it is cubic, and what it leaves open is decided between all samples afterwards.
 const TARGET: usize = 150;
+/// Samples that it can take: its table is quadratic.
+const MOST: usize = 2500;
+/// Share of the outline's length below which its bends matter no more.
+const FINEST: f64 = 1e-4;
 
 /// Chords of the best triangulation, as pairs i < k of samples, without boundary edges; `None` when the region has no
 /// triangulation by straight chords. Between neighbours of those that take part are at most `gap` samples.
@@ -22,18 +27,29 @@ pub(super) fn triangulation(
     form: &Form,
     border: &Border,
     gap: usize,
+    terms: &Terms,
     monitor: &Monitor,
 ) -> Result<Option<Vec<(usize, usize)>>, Cancelled> {
-    let mut target = TARGET;
+    let n = border.len();
+    let length: f64 = (0..n).map(|i| (border.uv[(i + 1) % n] - border.uv[i]).norm()).sum();
+    let mut sagitta = length / TARGET as f64 / 4.0;
+    let mut gap = if n <= TARGET { 1 } else { gap.min(n.div_ceil(TARGET)).max(1) };
     loop {
-        let chosen = thinned(border, target, gap);
-        if let Some(chords) = Programme::new(patch, form, border, &chosen, true, monitor)?.solve(monitor)? {
+        let chosen = thinned(border, sagitta, gap);
+        if chosen.len() > MOST {
+            return Ok(None);
+        }
+        if let Some(chords) = Programme::new(patch, form, border, &chosen, true, terms, monitor)?.solve(monitor)? {
             return Ok(Some(chords));
         }
         if chosen.len() == border.len() {
             return Ok(None);
         }
-        target *= 3;
+        // Narrow places need the bends of the outline first, then samples on straight sides, too.
+        sagitta /= 3.0;
+        if sagitta < FINEST * length {
+            gap = gap.div_ceil(3).min(gap - 1).max(1);
+        }
     }
 }
 
@@ -43,20 +59,19 @@ pub(super) fn within(
     form: &Form,
     border: &Border,
     outline: &[usize],
+    terms: &Terms,
     monitor: &Monitor,
 ) -> Result<Option<Vec<(usize, usize)>>, Cancelled> {
-    Programme::new(patch, form, border, outline, false, monitor)?.solve(monitor)
+    Programme::new(patch, form, border, outline, false, terms, monitor)?.solve(monitor)
 }
 
-/// About `target` samples, at most `gap` apart: those that keep the shape of the outline, and others evenly between.
-fn thinned(border: &Border, target: usize, gap: usize) -> Vec<usize> {
+/// Samples that keep the shape of the outline within `sagitta`, and others evenly between, at most `gap` apart.
+fn thinned(border: &Border, sagitta: f64, gap: usize) -> Vec<usize> {
     let n = border.len();
-    if n <= target {
+    if gap == 1 {
         return (0..n).collect();
     }
-    let length: f64 = (0..n).map(|i| (border.uv[(i + 1) % n] - border.uv[i]).norm()).sum();
-    let corners = simplify(&border.uv, true, length / target as f64 / 4.0, &|i| i == 0);
-    let gap = gap.min(n.div_ceil(target)).max(1);
+    let corners = simplify(&border.uv, true, sagitta, &|i| i == 0);
     let mut chosen = Vec::new();
     for (k, &i) in corners.iter().enumerate() {
         let end = corners.get(k + 1).copied().unwrap_or(n);
@@ -73,8 +88,8 @@ fn thinned(border: &Border, target: usize, gap: usize) -> Vec<usize> {
 struct Programme {
     /// The samples that take part.
     chosen: Vec<usize>,
-    /// Sums from i to k; `None` where there is no chord.
-    sums: Vec<Option<Sum>>,
+    /// Sums from i to k, and what the chord costs; `None` where there is no chord.
+    sums: Vec<Option<(Sum, f64)>>,
 }
 
 impl Programme {
@@ -85,6 +100,7 @@ impl Programme {
         border: &Border,
         chosen: &[usize],
         arcs: bool,
+        terms: &Terms,
         monitor: &Monitor,
     ) -> Result<Self, Cancelled> {
         let n = chosen.len();
@@ -95,12 +111,12 @@ impl Programme {
             for k in i + 1..n {
                 let (a, b) = (chosen[i], chosen[k]);
                 sums[i * n + k] = if b == a + 1 || (arcs && k == i + 1) {
-                    Some(border.arc(a, b))
+                    Some((border.arc(a, b), 0.0))
                 } else if a == 0 && b == border.len() - 1 {
-                    Some(border.back(b))
+                    Some((border.back(b), 0.0))
                 } else {
                     let chord = Chord::trace(patch, form, border.vertices[a], border.vertices[b], &mut scratch);
-                    chord.map(|it| border.straight(&it, a, b))
+                    chord.map(|it| (border.straight(&it, a, b), terms.of_chord(&it)))
                 };
             }
         }
@@ -121,7 +137,7 @@ impl Programme {
             monitor.check()?;
             for i in 0..n - span {
                 let k = i + span;
-                let Some(outer) = self.sums[i * n + k] else { continue };
+                let Some((outer, own)) = self.sums[i * n + k] else { continue };
                 let mut best = f64::INFINITY;
                 for j in i + 1..k {
                     let inner = rows[i * n + j] + columns[k * n + j];
@@ -129,14 +145,14 @@ impl Programme {
                         continue;
                     }
                     let (Some(left), Some(right)) = (self.sums[i * n + j], self.sums[j * n + k]) else { continue };
-                    let total = inner + (left + right - outer).cost();
+                    let total = inner + (left.0 + right.0 - outer).cost();
                     if total < best {
                         best = total;
                         apex[i * n + k] = j as u32;
                     }
                 }
-                rows[i * n + k] = best;
-                columns[k * n + i] = best;
+                rows[i * n + k] = best + own;
+                columns[k * n + i] = best + own;
             }
         }
         if !rows[n - 1].is_finite() {
