@@ -46,6 +46,12 @@ impl ArcLength {
         let t = ((s - self.along[k - 1]) / length).clamp(0.0, 1.0);
         (a + (b - a) * t, (b - a) / length)
     }
+
+    /// The part from one distance to another: the two places and the points between them.
+    pub fn stretch(&self, from: f64, to: f64) -> Vec<Vec2> {
+        let between = self.along.iter().zip(&self.points).filter(|(s, _)| from < **s && **s < to).map(|it| *it.1);
+        std::iter::once(self.at(from).0).chain(between).chain([self.at(to).0]).collect()
+    }
 }
 
 /// Indices that remain when neighbours are at least `distance` apart: of two that are nearer, the one goes that lies nearer

@@ -7,7 +7,8 @@ mod strips;
 
 pub use nouns::{Artifact, Kind, Noun};
 pub use planar::{
-    Joints, Line, Mark, Opening, Operation, Part, Parts, Placement, Sheet, SheetPaths, Sheets, Toolpath, Toolpaths,
+    Bend, Joints, Line, Mark, Opening, Operation, Part, Parts, Placement, Sheet, SheetPaths, Sheets, Toolpath,
+    Toolpaths,
 };
 pub use shape::{
     CutMesh, DevelopableMesh, Flattening, Misfit, Overlap, Piece, PieceId, Round, Seam, SourceMesh, Tradeoff,

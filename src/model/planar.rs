@@ -53,6 +53,12 @@ impl Operation {
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|it| it.name() == name)
     }
+
+    /// Whether it is a fold.
+    pub fn is_score(self) -> bool {
+        matches!(self, Self::ScoreMountain | Self::ScoreValley)
+    }
+
     /// Whether it goes through the material.
     pub fn is_cut(self) -> bool {
         matches!(self, Self::CutInside | Self::CutOutside)
@@ -78,7 +84,7 @@ pub struct Part {
     pub name: String,
     /// Outline and holes, first point not repeated, mm.
     pub contours: Vec<Vec<Vec2>>,
-    /// Scores, text, registration marks. Lettering that found no room on the part stands beside it.
+    /// Scores, text, registration marks.
     pub marks: Vec<Mark>,
 }
 
@@ -131,10 +137,34 @@ pub struct Parts {
     pub openings: Vec<Opening>,
     /// What joins the parts.
     pub joints: Joints,
-    /// Lettering that found no room in its part and stands beside it on the waste: "seam 12 (14.1 mm) in part B".
-    pub outside: Vec<String>,
-    /// Lettering that found no room even there.
+    /// Bends of sheet metal, in the order of the parts.
+    pub bends: Vec<Bend>,
+    /// Lettering that found no room in its part and stands on the one that it is joined to: "seam 12 (14.1 mm) of part B: on
+    /// part K".
+    pub on_partner: Vec<String>,
+    /// Lettering that was promised and stands nowhere.
     pub unlabelled: Vec<String>,
+    /// Seams too short to be promised a number that have it on neither side.
+    pub unnumbered: Vec<String>,
+}
+
+/// A bend line of sheet metal.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bend {
+    /// Name of the part.
+    pub part: String,
+    /// How far the sheet is bent from flat, radians.
+    pub angle: f64,
+    /// Whether it is bent towards the printed side.
+    pub up: bool,
+    /// Length of the line, mm.
+    pub length: f64,
+    /// Length of the bent zone on its neutral fibre, mm.
+    pub allowance: f64,
+    /// By how much the flat pattern is shorter than the two legs up to the corner of the printed side, mm.
+    pub deduction: f64,
+    /// Whether the outline is shorter by it; otherwise it is printed beside the line.
+    pub corrected: bool,
 }
 
 /// What joins parts along their seams.

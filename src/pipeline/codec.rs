@@ -5,9 +5,9 @@ use crate::{
     geom::{Vec2, Vec3, arcs::ArcPath},
     mesh::{EdgeId, FaceId, Field, HalfedgeId, Id, TriMesh, VertexId},
     model::{
-        Artifact, Corner, CutMesh, DevelopableMesh, Flattening, Joints, Kind, Mark, Noun, Opening, Operation, Overlap,
-        Panel, PanelKind, Part, Parts, Piece, PieceId, Placement, Round, Ruled, Ruling, Seam, Sheet, SheetPaths,
-        Sheets, SourceMesh, Strips, Toolpath, Toolpaths, Tradeoff,
+        Artifact, Bend, Corner, CutMesh, DevelopableMesh, Flattening, Joints, Kind, Mark, Noun, Opening, Operation,
+        Overlap, Panel, PanelKind, Part, Parts, Piece, PieceId, Placement, Round, Ruled, Ruling, Seam, Sheet,
+        SheetPaths, Sheets, SourceMesh, Strips, Toolpath, Toolpaths, Tradeoff,
     },
 };
 
@@ -243,7 +243,8 @@ records! {
     Part { name, contours, marks }
     Opening { part, width, area }
     Joints { tabs, narrowed, holes, missing, collisions }
-    Parts { parts, refused, openings, joints, outside, unlabelled }
+    Bend { part, angle, up, length, allowance, deduction, corrected }
+    Parts { parts, refused, openings, joints, bends, on_partner, unlabelled, unnumbered }
     Placement { part, angle, offset }
     Sheet { size, parts, placements }
     Sheets { sheets, margin, gap, unplaced }

@@ -35,13 +35,12 @@ macro_rules! built_in {
 }
 
 /// Machines known by name; the first is the default.
-pub const MACHINES: &[BuiltIn] =
-    built_in!("machines": "drag-knife-a3", "laser-co2", "pen-plotter", "vinyl-cutter", "shop");
+pub const MACHINES: &[BuiltIn] = built_in!("machines": "drag-knife-a3", "laser-co2", "pen-plotter", "vinyl-cutter", "craft-cutter", "cnc-router", "shop");
 
 /// Materials known by name; the first is the default.
 pub const MATERIALS: &[BuiltIn] = built_in!(
     "materials": "paper-200gsm", "paper-80gsm", "card-300gsm", "greyboard-2mm", "felt-3mm", "leather-2mm",
-    "ripstop-40gsm", "plywood-3mm", "aluminium-1mm", "steel-1mm",
+    "ripstop-40gsm", "cardboard-3mm", "plywood-3mm", "aluminium-1mm", "steel-1mm",
 );
 
 /// Why a profile could not be had.
@@ -416,7 +415,7 @@ mod tests {
             ("", "layers.text.name = \"CUT\"", "must share both name and colour or neither"),
             ("", "layers.text.name = \"A B\"", "`layers.text.name`: must be 1 to 31 letters"),
             ("", "order = [\"text\"]", "`order`: must name `registration` exactly once"),
-            ("", "kind = \"lasr\"", "unknown variant `lasr`, expected one of `laser`, `drag-knife`, `pen`"),
+            ("", "kind = \"lasr\"", "unknown variant `lasr`, expected one of `laser`, `drag-knife`, `router`, `pen`"),
             ("", "kind = \"laser\"", "`head`: does not fit `kind = \"laser\"`"),
             ("", "head.servo.down = 40", "`head.servo.down`: must differ from `up`"),
         ] {

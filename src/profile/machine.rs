@@ -16,6 +16,8 @@ pub enum MachineKind {
     Laser,
     /// Cutting plotter with a trailing blade.
     DragKnife,
+    /// Spindle with an end mill, for outlines in flat stock.
+    Router,
     /// Draws only: what others cut, it draws.
     Pen,
 }
@@ -26,6 +28,7 @@ impl MachineKind {
         match self {
             Self::Laser => "laser",
             Self::DragKnife => "drag-knife",
+            Self::Router => "router",
             Self::Pen => "pen",
         }
     }
@@ -277,6 +280,9 @@ pub struct Machine {
     pub kind: MachineKind,
     /// Travel in x and y.
     pub bed: [Length; 2],
+    /// Whether it draws a roll through: the second side of the bed is then no limit.
+    #[serde(default)]
+    pub roll: bool,
     /// Where the work zero is.
     #[serde(default)]
     pub origin: Corner,
@@ -398,6 +404,9 @@ impl Machine {
             let message =
                 format!("does not fit `kind = \"{}\"`: a laser has [head.laser], others do not", self.kind.name());
             return Err(Fault::new("head", message));
+        }
+        if self.kind == MachineKind::Router && !matches!(self.head, Head::Z { .. }) {
+            return Err(Fault::new("head", "does not fit `kind = \"router\"`: a router has [head.z]"));
         }
         match self.head {
             Head::Laser { power_max, .. } => positive("head.laser.power_max", power_max)?,

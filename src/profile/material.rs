@@ -145,6 +145,53 @@ impl Joining {
     }
 }
 
+/// How sheet metal is bent.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bend {
+    /// Inner radius of bends.
+    pub radius: Length,
+    /// K-factors: pairs of R/T (inner radius over thickness) and the distance of the neutral fibre from the inner side over
+    /// the thickness, R/T rising; straight lines between, the first and last beyond.
+    pub k_factor: Vec<[f64; 2]>,
+}
+
+impl Bend {
+    /// K for a sheet of that thickness.
+    pub fn k(&self, thickness: f64) -> f64 {
+        let ratio = self.radius.mm / thickness;
+        let table = &self.k_factor;
+        let next = table.partition_point(|it| it[0] < ratio);
+        if next == 0 || next == table.len() {
+            return table[next.min(table.len() - 1)][1];
+        }
+        let ([x0, k0], [x1, k1]) = (table[next - 1], table[next]);
+        k0 + (k1 - k0) * (ratio - x0) / (x1 - x0)
+    }
+
+    fn check(&self) -> Result<(), Fault> {
+        within("bend.radius", self.radius.mm, 0.0, 1000.0)?;
+        let rising = self.k_factor.windows(2).all(|w| w[0][0] < w[1][0]);
+        if self.k_factor.is_empty() || !rising {
+            return Err(Fault::new("bend.k_factor", "must list pairs [R/T, K] with rising R/T, at least one"));
+        }
+        self.k_factor.iter().try_for_each(|[ratio, k]| {
+            within("bend.k_factor", *ratio, 0.0, 1e4)?;
+            within("bend.k_factor", *k, 0.0, 1.0)
+        })
+    }
+}
+
+/// Folds that are cut through in stretches instead of scored.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Perforation {
+    /// Length of a cut.
+    pub cut: Length,
+    /// What is left between two, at least.
+    pub gap: Length,
+}
+
 /// A material profile (`profiles/materials/NAME.toml`). Every figure in the built-in ones names its source.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -174,9 +221,18 @@ pub struct Material {
     /// the inside of the thing.
     #[serde(default)]
     pub neutral_layer: f64,
+    /// Whether the stock is a roll: on a machine that takes rolls, the height in `sheet` is no limit.
+    #[serde(default)]
+    pub roll: bool,
     /// How its pieces are joined.
     #[serde(default)]
     pub join: Joining,
+    /// How it is bent at folds; absent where it is folded.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bend: Option<Bend>,
+    /// Folds are cut through in stretches, with the machine's settings for cutting inside; scored when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub perforation: Option<Perforation>,
     /// The kinds of machine that can work it, each with the settings it needs there.
     pub process: BTreeMap<MachineKind, PerOperation<ToolPatch>>,
 }
@@ -198,8 +254,20 @@ impl Rule for Material {
             return Err(Fault::new("margin", message));
         }
         self.join.check()?;
+        self.bend.as_ref().map_or(Ok(()), Bend::check)?;
+        if self.bend.is_some() && self.neutral_layer != 0.0 {
+            let message = "must be 0 beside [bend]: bends are reckoned from the outside of the thing";
+            return Err(Fault::new("neutral_layer", message));
+        }
+        if let Some(Perforation { cut, gap }) = self.perforation {
+            within("perforation.cut", cut.mm, 0.1, 100.0)?;
+            within("perforation.gap", gap.mm, 0.1, 100.0)?;
+        }
         if self.process.is_empty() {
-            return Err(Fault::new("process", "must name at least one kind of machine: laser, drag-knife, pen"));
+            return Err(Fault::new(
+                "process",
+                "must name at least one kind of machine: laser, drag-knife, router, pen",
+            ));
         }
         Ok(())
     }
@@ -233,6 +301,21 @@ impl Material {
         for (operation, patch) in patches.iter() {
             if let Some(tool) = machine.tools.get_mut(operation) {
                 patch.apply(tool, |field| kept(operation, field));
+            }
+        }
+        let through = machine.tools.get(Operation::CutInside).cloned().filter(|_| self.perforation.is_some());
+        for operation in [Operation::ScoreValley, Operation::ScoreMountain] {
+            if let (Some(through), Some(tool)) = (&through, machine.tools.get_mut(operation)) {
+                let kept = |field: &str| kept(operation, field);
+                let all = ToolPatch {
+                    feed: Some(through.feed),
+                    power: Some(through.power),
+                    passes: Some(through.passes),
+                    ..ToolPatch::default()
+                };
+                all.apply(tool, kept);
+                tool.down = if kept("down") { tool.down } else { through.down };
+                tool.number = if kept("number") { tool.number } else { through.number };
             }
         }
         Ok(())

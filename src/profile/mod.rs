@@ -11,7 +11,7 @@ mod units;
 pub use link::{Flow, Link, ModemLine, Streaming};
 pub use load::{BuiltIn, MACHINES, MATERIALS, ProfileError, load_machine, load_material};
 pub use machine::{Bridges, Color, Corner, Dialect, Head, Knife, Layer, Machine, MachineKind, RotaryAxis, Tool};
-pub use material::{JoinKind, Joining, Material, TabSides, ToolPatch};
+pub use material::{Bend, JoinKind, Joining, Material, Perforation, TabSides, ToolPatch};
 pub use operations::{Order, PerOperation};
 pub use units::{Angle, Extent, Length};
 

@@ -15,7 +15,7 @@ use fabricate::{
     pipeline::{simulate, verify},
     profile::{Head, MACHINES, Profiles},
     stage::{Cx, Stage},
-    stages::route::stage::RouteStage,
+    stages::{nest::stage::NestStage, route::stage::RouteStage},
 };
 use toml::de::DeTable;
 
@@ -140,9 +140,12 @@ fn routed(profiles: &Profiles) -> Job {
 const TANGENTIAL: &str =
     "profile = \"drag-knife-a3\"\nknife = { offset = 0, overcut = 0, lift = 20, axis = \"C\" }\narcs = false";
 
-/// Every built-in machine on paper, which all of them take.
+/// Every built-in machine with A3 sheets of what it works: paper, or plywood.
 fn machines() -> impl Iterator<Item = Profiles> {
-    MACHINES.iter().map(|it| profiles("", &format!("profile = \"{}\"", it.name)))
+    MACHINES.iter().map(|it| {
+        let material = if it.name == "cnc-router" { "profile = \"plywood-3mm\"\nsheet = [420, 297]" } else { "" };
+        profiles(material, &format!("profile = \"{}\"", it.name))
+    })
 }
 
 fn text(file: &File) -> &str {
@@ -374,6 +377,10 @@ fn the_replayed_tool_cuts_what_the_layout_says() {
         ("", "profile = \"pen-plotter\"".to_owned()),
         ("profile = \"plywood-3mm\"", "profile = \"laser-co2\"".to_owned()),
         ("profile = \"plywood-3mm\"", format!("profile = \"laser-co2\"\n{bridged}")),
+        (
+            "profile = \"plywood-3mm\"\nmargin = 5",
+            "profile = \"cnc-router\"\ntools.cut-outside.kerf = 2\ntools.cut-inside.kerf = 2".to_owned(),
+        ),
         ("profile = \"felt-3mm\"", "profile = \"laser-co2\"\ninvert_y = true\norigin = \"upper-left\"".to_owned()),
     ] {
         let profiles = profiles(material, &machine);
@@ -403,6 +410,31 @@ fn the_replayed_tool_cuts_what_the_layout_says() {
         assert!(simulate(&files, &job.nouns(), &made).iter().all(|it| it.ok));
         assert!(simulate(&files, &job.nouns(), &cut).iter().all(|it| !it.ok));
     }
+}
+
+#[test]
+fn a_hole_narrower_than_the_cut_is_cut_along_its_edge_and_said() {
+    let profiles = profiles("", "profile = \"laser-co2\"\ntools.cut-inside.kerf = 90");
+    let job = routed(&profiles);
+    assert_eq!(job.toolpaths.uncompensated.len(), 1, "{:?}", job.toolpaths.uncompensated);
+    assert!(job.toolpaths.uncompensated[0].contains("Washer no. 1/2"));
+    let section = RouteStage::default().section(&job.sheets, &profiles.machine, &job.toolpaths);
+    assert!(
+        section.checks.iter().any(|it| it.name == "route.kerf" && !it.ok && it.note.contains("narrower than the cut"))
+    );
+}
+
+#[test]
+fn parts_keep_as_far_apart_as_the_cuts_around_them_are_wide() {
+    let profiles = profiles("gap = 3", "profile = \"laser-co2\"\ntools.cut-outside.kerf = 20");
+    let parts = Job::new(&profiles).parts;
+    let cx = Cx { seed: 0, monitor: Monitor::silent(), kept: None, keep: &|_| () };
+    let sheets = NestStage::default().run(&parts, &NestStage::profile(&profiles), &cx).unwrap();
+    assert_eq!(sheets.sheets.iter().map(|it| it.parts.len()).sum::<usize>(), 3);
+    // The tongue is 14 mm wide, less than the cut: it stays whole, because an outline is cut outside.
+    let found = fabricate::stages::nest::measure(&sheets);
+    let gap = found.gap.unwrap();
+    assert!(gap.0 >= 20.0, "{gap:?}");
 }
 
 /// The blade looks where it goes: it turns by small angles on the way, by larger ones in place, by sharp ones lifted.

@@ -13,7 +13,7 @@ pub(crate) fn fixture(name: &str) -> String {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name).display().to_string()
 }
 
-fn fabricate(args: &[&str]) -> Output {
+pub(crate) fn fabricate(args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_fabricate")).args(args).output().unwrap()
 }
 
@@ -249,6 +249,42 @@ const BAD_CONFIGS: &[(&str, &str, i32, &[&str])] = &[
         "[input]\nmesh = \"MESH\"\n[output]\nformats = [\"svgg\"]\n",
         2,
         &["unknown format `svgg`", "svg"],
+    ),
+    (
+        "unknown colour",
+        "[input]\nmesh = \"MESH\"\n[machine]\nlayers.score-valley.color = \"teal\"\n",
+        2,
+        &["`teal` is not a colour; write it as \"#rrggbb\"", "job.toml:4"],
+    ),
+    (
+        "unknown operation",
+        "[input]\nmesh = \"MESH\"\n[machine]\nlayers.fold = { name = \"FOLD\", color = \"#123456\" }\n",
+        2,
+        &["the name of an operation", "score-valley", "job.toml:4"],
+    ),
+    (
+        "two operations of one colour",
+        "[input]\nmesh = \"MESH\"\n[machine]\nlayers.sew.color = \"#ff0000\"\n",
+        2,
+        &["must share both name and colour or neither", "job.toml:4"],
+    ),
+    (
+        "a tab without width",
+        "[input]\nmesh = \"MESH\"\n[material]\njoin.width = 0\n",
+        2,
+        &["`join.width`: must be between 0.5 and 200", "job.toml:4"],
+    ),
+    (
+        "K-factors in disorder",
+        "[input]\nmesh = \"MESH\"\n[material]\nbend = { radius = 2, k_factor = [[3, 0.4], [1, 0.3]] }\n",
+        2,
+        &["must list pairs [R/T, K] with rising R/T", "job.toml:4"],
+    ),
+    (
+        "margins that eat the sheet",
+        "[input]\nmesh = \"MESH\"\n[material]\nmargin = 150\n",
+        2,
+        &["leaves nothing of a sheet", "job.toml:4"],
     ),
     ("version of the future", "version = 9\n", 2, &["version 1, not 9", "job.toml:1:11"]),
     ("not TOML", "[input\n", 2, &["job.toml:1"]),

@@ -16,6 +16,7 @@ mod plain;
 mod ports;
 mod registry;
 mod send;
+mod sheets;
 mod streamed;
 mod strips;
 mod strokes;

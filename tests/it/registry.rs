@@ -2,6 +2,7 @@
 use fabricate::{
     emit::FORMATS,
     pipeline::{Config, ConfigText, RECIPES, STAGES, plan},
+    profile::{BuiltIn, MACHINES, MATERIALS},
 };
 
 #[test]
@@ -27,6 +28,26 @@ fn every_recipe_plans_with_its_defaults() {
         let made = plan(Config::parse(&text).unwrap()).unwrap_or_else(|err| panic!("{}: {err}", recipe.name));
         let names: Vec<_> = made.stages.iter().map(|it| it.0.name).collect();
         assert_eq!(names, recipe.stages, "{}", recipe.name);
+    }
+}
+
+#[test]
+fn every_pair_of_profiles_that_go_together_plans() {
+    for machine in MACHINES {
+        let works = |material: &&BuiltIn| {
+            let sets = [format!("material.profile={}", material.name), format!("machine.profile={}", machine.name)];
+            let text = ConfigText::for_mesh("mesh.obj".as_ref(), &sets).unwrap();
+            match plan(Config::parse(&text).unwrap()) {
+                Ok(made) => !made.stages.is_empty(),
+                Err(refused) => {
+                    let said = refused.to_string();
+                    assert!(said.contains("do not go together"), "{} on {}: {said}", material.name, machine.name);
+                    false
+                }
+            }
+        };
+        let count = MATERIALS.iter().filter(works).count();
+        assert!(count > 0, "nothing can be worked on {}", machine.name);
     }
 }
 

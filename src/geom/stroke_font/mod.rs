@@ -25,13 +25,16 @@ pub struct Lettering {
 
 /// The row of a character; one that the font lacks is drawn as `?`.
 fn glyph(character: char) -> &'static Glyph {
-    let row = |it: char| (it as usize).checked_sub(' ' as usize).and_then(|i| glyphs::GLYPHS.get(i));
+    // The degree sign follows the printable ASCII characters.
+    let place =
+        |it: char| if it == '°' { Some(95) } else { (it as usize).checked_sub(' ' as usize).filter(|&i| i < 95) };
+    let row = |it: char| place(it).and_then(|i| glyphs::GLYPHS.get(i));
     row(character).or_else(|| row('?')).expect("the table holds `?`")
 }
 
-/// Whether every character has a shape of its own (printable ASCII).
+/// Whether every character has a shape of its own (printable ASCII and the degree sign).
 pub fn covers(text: &str) -> bool {
-    text.chars().all(|it| matches!(it, ' '..='~'))
+    text.chars().all(|it| matches!(it, ' '..='~' | '°'))
 }
 
 /// Strokes of one line of `text` with capitals `height` mm high. Characters that the font lacks become `?`
@@ -63,7 +66,7 @@ mod tests {
 
     #[test]
     fn every_printable_character_but_the_space_has_its_own_strokes() {
-        let shapes: Vec<_> = (' '..='~').map(|it| letter(&it.to_string(), 10.0).strokes).collect();
+        let shapes: Vec<_> = (' '..='~').chain(['°']).map(|it| letter(&it.to_string(), 10.0).strokes).collect();
         assert!(shapes[0].is_empty());
         for (i, shape) in shapes.iter().enumerate().skip(1) {
             assert!(!shape.is_empty() && shape.iter().all(|stroke| stroke.len() >= 2), "character {i}");
@@ -71,7 +74,7 @@ mod tests {
             let twin = shapes[..i].iter().position(|it| it == shape).map(|k| b' ' + k as u8);
             assert!(twin.is_none() || (twin, i) == (Some(b'I'), usize::from(b'l' - b' ')), "character {i}: {twin:?}");
         }
-        assert!(covers("Part A-1 ~") && !covers("Größe"));
+        assert!(covers("Part A-1 ~ 90°") && !covers("Größe"));
         assert_eq!(letter("ß", 5.0), letter("?", 5.0));
     }
 

@@ -6,7 +6,7 @@ use crate::{
         Vec2, angle_between,
         polyline::{ArcLength, simplify},
     },
-    mesh::{EdgeId, TriMesh, VertexId},
+    mesh::{EdgeId, HalfedgeId, TriMesh, VertexId},
     model::{CutMesh, Flattening, Mark, Operation, PieceId},
 };
 
@@ -17,9 +17,28 @@ const SHORTEST: f64 = 3.0;
 /// Bends of a fold line smaller than this are straightened, mm.
 const STRAIGHT: f64 = 0.01;
 
-/// Fold marks of every piece: interior edges bent by more than `fold_angle` (radians), mountain where the printed outer
-/// side is convex, chained through vertices where exactly two folds of a kind meet.
-pub(super) fn folds(cut: &CutMesh, flat: &Flattening, fold_angle: f64) -> BTreeMap<PieceId, Vec<Mark>> {
+/// A line along which a piece is folded.
+pub(super) struct Fold {
+    pub(super) piece: PieceId,
+    /// Mountain or valley.
+    pub(super) operation: Operation,
+    /// Vertices along it; a closed one repeats its first.
+    pub(super) chain: Vec<VertexId>,
+    /// Mean angle by which the faces on both sides are turned, radians.
+    pub(super) angle: f64,
+}
+
+impl Fold {
+    /// A halfedge of each of its edges, in order.
+    pub(super) fn halfedges<'a>(&'a self, mesh: &'a TriMesh) -> impl Iterator<Item = HalfedgeId> + 'a {
+        let between = |w: &[VertexId]| mesh.find_halfedge(w[0], w[1]).or_else(|| mesh.find_halfedge(w[1], w[0]));
+        self.chain.windows(2).filter_map(between)
+    }
+}
+
+/// Folds of every piece: interior edges bent by more than `fold_angle` (radians), mountain where the printed outer side is
+/// convex, chained through vertices where exactly two folds of a kind meet.
+pub(super) fn folds(cut: &CutMesh, fold_angle: f64) -> Vec<Fold> {
     let mut edges: BTreeMap<(PieceId, Operation), Vec<EdgeId>> = BTreeMap::new();
     for edge in cut.mesh.edges() {
         if let Some(operation) = fold(&cut.mesh, edge, fold_angle) {
@@ -27,28 +46,64 @@ pub(super) fn folds(cut: &CutMesh, flat: &Flattening, fold_angle: f64) -> BTreeM
             edges.entry((piece, operation)).or_default().push(edge);
         }
     }
-    let mut marks: BTreeMap<PieceId, Vec<Mark>> = BTreeMap::new();
+    let mut folds = Vec::new();
     for ((piece, operation), edges) in edges {
-        let lines = chains(&cut.mesh, &edges).into_iter().filter_map(|chain| line(cut, flat, &chain));
-        marks.entry(piece).or_default().extend(lines.map(|(points, closed)| Mark { operation, points, closed }));
+        for chain in chains(&cut.mesh, &edges) {
+            let mut fold = Fold { piece, operation, chain, angle: 0.0 };
+            let (mut sum, mut length) = (0.0, 0.0);
+            for h in fold.halfedges(&cut.mesh) {
+                let weight = cut.mesh.vector(h).norm();
+                sum += weight * bend(&cut.mesh, h).unwrap_or(0.0);
+                length += weight;
+            }
+            fold.angle = sum / length;
+            folds.push(fold);
+        }
     }
-    marks
+    folds
+}
+
+/// Angle between the normals on both sides of an edge.
+fn bend(mesh: &TriMesh, h: HalfedgeId) -> Option<f64> {
+    let twin = mesh.twin(h)?;
+    Some(angle_between(mesh.normal(mesh.face(h)), mesh.normal(mesh.face(twin))))
+}
+
+/// The line as it is drawn, if it is long enough.
+pub(super) fn mark(cut: &CutMesh, flat: &Flattening, fold: &Fold) -> Option<Mark> {
+    let (points, closed) = line(cut, flat, &fold.chain)?;
+    Some(Mark { operation: fold.operation, points, closed })
+}
+
+/// Cuts of length `cut` through a fold instead of a line, at least `gap` apart, as real segments: a dash pattern would be
+/// cut solid. The ends are left whole, so that the edge does not tear.
+pub(super) fn perforated(mark: &Mark, cut: f64, gap: f64) -> Vec<Mark> {
+    let ring = mark.points.iter().chain(mark.points.first().filter(|_| mark.closed));
+    let Some(line) = ArcLength::new(ring.copied().collect()) else { return Vec::new() };
+    let pitch = cut + gap;
+    let step = line.length() / (line.length() / pitch).floor().max(1.0);
+    let cut = cut.min(cut / pitch * step);
+    let count = (line.length() / step).round() as usize;
+    let piece = |k: usize| {
+        let from = (k as f64 + 0.5) * step - cut / 2.0;
+        Mark { operation: mark.operation, points: line.stretch(from, from + cut), closed: false }
+    };
+    (0..count).map(piece).collect()
 }
 
 /// What kind of fold an edge is, if it is one.
 fn fold(mesh: &TriMesh, edge: EdgeId, fold_angle: f64) -> Option<Operation> {
     let h = mesh.halfedge(edge);
-    let twin = mesh.twin(h)?;
-    let (left, right) = (mesh.normal(mesh.face(h)), mesh.normal(mesh.face(twin)));
-    if angle_between(left, right) < fold_angle {
+    if bend(mesh, h)? < fold_angle {
         return None;
     }
+    let (left, right) = (mesh.normal(mesh.face(h)), mesh.normal(mesh.face(mesh.twin(h)?)));
     // On a ridge the normal turns about the edge, in its own direction, on the way from its left face to its right one.
     let convex = left.cross(&right).dot(&mesh.vector(h)) > 0.0;
     Some(if convex { Operation::ScoreMountain } else { Operation::ScoreValley })
 }
 
-/// Maximal chains of edges through vertices that exactly two of them share; a closed chain repeats its first vertex.
+/// Maximal chains of edges through inner vertices that exactly two of them share; a closed chain repeats its first vertex.
 fn chains(mesh: &TriMesh, edges: &[EdgeId]) -> Vec<Vec<VertexId>> {
     let mut around: BTreeMap<VertexId, Vec<usize>> = BTreeMap::new();
     for (i, &edge) in edges.iter().enumerate() {
@@ -56,6 +111,7 @@ fn chains(mesh: &TriMesh, edges: &[EdgeId]) -> Vec<Vec<VertexId>> {
             around.entry(v).or_default().push(i);
         }
     }
+    let joins = |v: VertexId| around[&v].len() == 2 && !mesh.is_boundary_vertex(v);
     let mut used = vec![false; edges.len()];
     let mut walk = |start: VertexId, first: usize| {
         let mut chain = vec![start];
@@ -66,17 +122,14 @@ fn chains(mesh: &TriMesh, edges: &[EdgeId]) -> Vec<Vec<VertexId>> {
             let [a, b] = mesh.edge_vertices(edges[i]);
             at = if at == a { b } else { a };
             chain.push(at);
-            next = match around[&at][..] {
-                [i, j] => [i, j].into_iter().find(|&k| !used[k]),
-                _ => None,
-            };
+            next = around[&at].iter().copied().find(|&k| joins(at) && !used[k]);
         }
         chain
     };
     let mut chains = Vec::new();
     for ends_only in [true, false] {
         for (&v, list) in &around {
-            if ends_only && list.len() == 2 {
+            if ends_only && joins(v) {
                 continue;
             }
             chains.extend(list.iter().map(|&i| walk(v, i)).filter(|it| it.len() > 1));
@@ -107,9 +160,5 @@ fn trimmed(points: &[Vec2], start: bool, end: bool) -> Option<Vec<Vec2>> {
     if to - from < SHORTEST {
         return None;
     }
-    let between = line.along().iter().zip(points).filter(|(s, _)| (from..to).contains(*s) && **s > from);
-    let mut kept = vec![line.at(from).0];
-    kept.extend(between.map(|it| *it.1));
-    kept.push(line.at(to).0);
-    Some(kept)
+    Some(line.stretch(from, to))
 }

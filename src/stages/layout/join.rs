@@ -114,7 +114,7 @@ pub(super) fn join(
                 let Some(body) = bodies.get_mut(&piece) else { continue };
                 for tab in tabs {
                     monitor.check()?;
-                    joints.tabs += usize::from(add_tab(body, &tab, merge));
+                    joints.tabs += usize::from(add_tab(body, &tab, options, merge));
                 }
             }
             for (piece, holes) in made.holes {
@@ -160,7 +160,7 @@ pub(super) fn room_for_hole(contours: &[Vec<Vec2>], center: Vec2, diameter: f64)
 }
 
 /// Joins a tab to its piece, with a fold where it begins. `false` when the outline would not be one any more.
-fn add_tab(body: &mut Body, tab: &Tab, merge: f64) -> bool {
+fn add_tab(body: &mut Body, tab: &Tab, options: &Tabs, merge: f64) -> bool {
     let rooted: Vec<Vec<Vec2>> =
         boolean::offset(std::slice::from_ref(&tab.outline), ROOT).into_iter().flatten().collect();
     match grown(&body.contours, &rooted, merge) {
@@ -169,7 +169,9 @@ fn add_tab(body: &mut Body, tab: &Tab, merge: f64) -> bool {
         _ => return false,
     }
     if let Some(points) = hinge(&tab.base, &body.contours) {
-        body.marks.push(Mark { operation: Operation::ScoreMountain, points, closed: false });
+        // A lap of metal is riveted as flat as the surface; only its edge is marked, not bent.
+        let operation = if options.rivet.is_some() { Operation::Engrave } else { Operation::ScoreMountain };
+        body.marks.push(Mark { operation, points, closed: false });
     }
     true
 }
@@ -198,8 +200,7 @@ fn hinge(base: &[Vec2], contours: &[Vec<Vec2>]) -> Option<Vec<Vec2>> {
     if to - from < SHORTEST_HINGE {
         return None;
     }
-    let between = line.along().iter().zip(base).filter(|(s, _)| from < **s && **s < to).map(|it| *it.1);
-    Some(std::iter::once(line.at(from).0).chain(between).chain([line.at(to).0]).collect())
+    Some(line.stretch(from, to))
 }
 
 /// A piece with more material, as an outline that can be cut; `None` where it cannot be one.

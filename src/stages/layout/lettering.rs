@@ -1,5 +1,4 @@
-//! Finding room for lettering inside a part, or beside it on the waste: never over the outline, a fold, a tick or other
-//! lettering.
+//! Finding room for lettering inside a part: never over the outline, a fold, a tick or other lettering.
 use crate::{
     geom::{
         Box2, Vec2,
@@ -19,6 +18,8 @@ const CLEARANCE: (f64, f64) = (0.2, 0.3);
 const SPACING: f64 = 0.6;
 /// How far from its seam a number may stand at the end of a leader, mm.
 const LEADER: f64 = 30.0;
+/// Places on a seam where a leader may begin, as shares of its length.
+const LEADER_STARTS: [f64; 5] = [0.5, 0.35, 0.65, 0.2, 0.8];
 /// Distances and directions tried for a leader.
 const LEADER_STEPS: (usize, usize) = (24, 24);
 /// Leaders begin this far inside the outline, mm.
@@ -27,15 +28,6 @@ const LEADER_INSET: f64 = 0.3;
 const SHRINK: f64 = 0.8;
 /// Places tried for a name at each size.
 const NAME_PLACES: usize = 60;
-
-/// Where lettering stands.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Ground {
-    /// On the part.
-    Part,
-    /// Beside it, on what will be waste.
-    Waste,
-}
 
 /// A rectangle in any direction.
 #[derive(Debug, Clone, Copy)]
@@ -118,12 +110,12 @@ impl<'a> Placer<'a> {
         Self { contours, outline, lines: SegmentTree::of_segments(segments), taken: Vec::new() }
     }
 
-    /// Whether the rectangle lies on that ground and nothing lies in it or nearer to it than the clearance.
-    fn free(&self, text: &TextBox, ground: Ground) -> bool {
+    /// Whether the rectangle lies in the part and nothing lies in it or nearer to it than the clearance.
+    fn free(&self, text: &TextBox) -> bool {
         let room = text.grown(clearance(2.0 * text.half.y));
         let corners = room.corners();
         self.lines.visit(&Box2::of(&corners), &mut |s| !room.hits(s.a, s.b))
-            && contains(self.contours, text.center) == (ground == Ground::Part)
+            && contains(self.contours, text.center)
             && !self.taken.iter().any(|it| it.overlaps(&room))
     }
 
@@ -143,50 +135,68 @@ impl<'a> Placer<'a> {
 
     /// Puts the number of a seam beside its middle, the outline below the text; else further along or further in, else
     /// across, else smaller, else at the end of a leader. `None` when there is no room.
-    pub(super) fn seam_label(&mut self, seam: &Measured, side: usize, height: f64, least: f64) -> Option<Vec<Mark>> {
-        let text = seam.label.to_string();
-        for height in sizes(height, least) {
-            let size = letter(&text, height).size;
-            let reach = (size.x / 2.0).min(seam.length() / 4.0);
+    pub(super) fn seam_label(
+        &mut self,
+        seam: &Measured,
+        side: usize,
+        text: &str,
+        height: f64,
+        least: f64,
+    ) -> Option<Vec<Mark>> {
+        let at = |s: f64, reach: f64| seam.at(side, s, reach);
+        let beside = self.beside(&at, seam.length(), text, sizes(height, least));
+        if beside.is_some() {
+            return beside;
+        }
+        LEADER_STARTS.iter().find_map(|share| self.leader(seam, side, share * seam.length(), text, least))
+    }
+
+    /// Puts a text beside a bend line, on either side.
+    pub(super) fn bend_label(&mut self, line: &ArcLength, text: &str, height: f64, least: f64) -> Option<Vec<Mark>> {
+        let at = |sign: f64| {
+            move |s: f64, _: f64| {
+                let (p, along) = line.at(s);
+                Some((p, sign * Vec2::new(-along.y, along.x)))
+            }
+        };
+        let size = |height: f64| [1.0, -1.0].map(|sign| (height, sign));
+        let mut tries = sizes(height, least).into_iter().flat_map(size);
+        tries.find_map(|(height, sign)| self.beside(&at(sign), line.length(), text, vec![height]))
+    }
+
+    /// Puts a text beside the middle of a line, else further along or further away, else across, else smaller. `at` gives
+    /// the place at a length, and the direction to the side of the text, taken over a reach.
+    fn beside(
+        &mut self,
+        at: &dyn Fn(f64, f64) -> Option<(Vec2, Vec2)>,
+        length: f64,
+        text: &str,
+        heights: Vec<f64>,
+    ) -> Option<Vec<Mark>> {
+        for height in heights {
+            let size = letter(text, height).size;
+            let reach = (size.x / 2.0).min(length / 4.0);
             for depth in [1.01, 1.6, 2.4] {
-                for s in outwards(seam.length(), height / 2.0) {
-                    let Some((at, inward)) = seam.at(side, s, reach) else { continue };
+                for s in outwards(length, height / 2.0) {
+                    let Some((at, inward)) = at(s, reach) else { continue };
                     let along = Vec2::new(inward.y, -inward.x);
                     for (axis, deep) in [(along, size.y), (inward, size.x)] {
                         let center = at + inward * (clearance(size.y) * depth + deep / 2.0);
                         let place = TextBox { center, axis, half: size / 2.0 };
-                        if self.free(&place, Ground::Part) {
-                            return Some(self.write(&text, height, place));
+                        if self.free(&place) {
+                            return Some(self.write(text, height, place));
                         }
                     }
                 }
             }
         }
-        self.leader(seam, side, least, Ground::Part)
+        None
     }
 
-    /// Puts the number of a seam beside it on the waste, else at the end of a leader there.
-    pub(super) fn seam_label_outside(&mut self, seam: &Measured, side: usize, height: f64) -> Option<Vec<Mark>> {
-        let text = seam.label.to_string();
-        let size = letter(&text, height).size;
-        let reach = (size.x / 2.0).min(seam.length() / 4.0);
-        for s in outwards(seam.length(), height / 4.0) {
-            let Some((at, inward)) = seam.at(side, s, reach) else { continue };
-            let center = at - inward * (1.01 * clearance(size.y) + size.y / 2.0);
-            let place = TextBox { center, axis: Vec2::new(inward.y, -inward.x), half: size / 2.0 };
-            if self.free(&place, Ground::Waste) {
-                return Some(self.write(&text, height, place));
-            }
-        }
-        self.leader(seam, side, height, Ground::Waste)
-    }
-
-    /// Puts the number of a seam where there is room near its middle, with a straight line from the seam to it.
-    fn leader(&mut self, seam: &Measured, side: usize, height: f64, ground: Ground) -> Option<Vec<Mark>> {
-        let text = seam.label.to_string();
-        let size = letter(&text, height).size;
-        let (at, inward) = seam.at(side, seam.length() / 2.0, seam.length() / 4.0)?;
-        let inward = if ground == Ground::Part { inward } else { -inward };
+    /// Puts the number of a seam where there is room, with a straight line to it from a place on the seam.
+    fn leader(&mut self, seam: &Measured, side: usize, s: f64, text: &str, height: f64) -> Option<Vec<Mark>> {
+        let size = letter(text, height).size;
+        let (at, inward) = seam.at(side, s, seam.length() / 4.0)?;
         let from = at + inward * LEADER_INSET;
         for ring in 1..=LEADER_STEPS.0 {
             for k in 0..LEADER_STEPS.1 {
@@ -198,8 +208,8 @@ impl<'a> Placer<'a> {
                 let place = TextBox { center, axis, half: size / 2.0 };
                 let gap = size.x / 2.0 + clearance(height);
                 let to = center - direction * gap;
-                if (to - from).dot(&direction) > 0.0 && self.free(&place, ground) && self.sees(from, to, ground) {
-                    let mut marks = self.write(&text, height, place);
+                if (to - from).dot(&direction) > 0.0 && self.free(&place) && self.sees(from, to) {
+                    let mut marks = self.write(text, height, place);
                     // The line is taken too, as a box without height.
                     let half = Vec2::new((to - from).norm() / 2.0, 0.0);
                     self.taken.push(TextBox { center: (from + to) / 2.0, axis: (to - from).normalize(), half });
@@ -211,10 +221,9 @@ impl<'a> Placer<'a> {
         None
     }
 
-    /// Whether a straight line runs on that ground without crossing lettering or another leader; folds and ticks it may
-    /// cross.
-    fn sees(&self, a: Vec2, b: Vec2, ground: Ground) -> bool {
-        contains(self.contours, a) == (ground == Ground::Part)
+    /// Whether a straight line runs in the part without crossing lettering or another leader; folds and ticks it may cross.
+    fn sees(&self, a: Vec2, b: Vec2) -> bool {
+        contains(self.contours, a)
             && self.outline.visit(&Box2::of([&a, &b]), &mut |s| !segments_meet(a, b, s.a, s.b))
             && !self.taken.iter().any(|it| it.hits(a, b))
     }
@@ -231,27 +240,10 @@ impl<'a> Placer<'a> {
                     // The right way up for someone who looks along +y of the part's frame.
                     let axis = if axis.x < -1e-9 { -axis } else { axis };
                     let place = TextBox { center, axis, half: size / 2.0 };
-                    if self.free(&place, Ground::Part) {
+                    if self.free(&place) {
                         return Some(self.write(name, height, place));
                     }
                 }
-            }
-        }
-        None
-    }
-
-    /// Puts the name beside the outline on the waste, along it.
-    pub(super) fn name_outside(&mut self, name: &str, height: f64) -> Option<Vec<Mark>> {
-        let size = letter(name, height).size;
-        let contour = &self.contours[0];
-        let outline = ArcLength::new(contour.iter().chain(contour.first()).copied().collect())?;
-        for s in outwards(outline.length(), height) {
-            let (at, axis) = outline.at(s);
-            let outward = Vec2::new(axis.y, -axis.x);
-            let center = at + outward * (1.01 * clearance(size.y) + size.y / 2.0);
-            let place = TextBox { center, axis, half: size / 2.0 };
-            if self.free(&place, Ground::Waste) {
-                return Some(self.write(name, height, place));
             }
         }
         None

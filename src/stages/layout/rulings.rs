@@ -33,7 +33,9 @@ pub(super) struct Style {
 pub(super) fn draw(parts: &mut Parts, cut: &CutMesh, strips: &Strips, style: &Style) {
     for (index, piece) in cut.pieces.iter().enumerate() {
         let id = PieceId::new(index);
-        let Some(part) = parts.parts.iter_mut().find(|it| it.name == piece.name) else { continue };
+        // Rulings lie where the flattening has them, not where flanges came to lie.
+        let moved = parts.bends.iter().any(|it| it.corrected && it.part == piece.name);
+        let Some(part) = parts.parts.iter_mut().find(|it| it.name == piece.name && !moved) else { continue };
         let marks: Vec<Vec<Vec2>> = part.marks.iter().map(|it| it.points.clone()).collect();
         let taken = SegmentTree::of_polylines(&marks);
         let rulings = strips.rulings.iter().filter(|it| it.piece == id && it.bend.abs() < style.fold_angle);

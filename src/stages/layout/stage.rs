@@ -2,11 +2,11 @@
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::{Holes, Join, LayoutError, Options, Sides, Tabs, layout, rulings};
+use super::{Bending, Holes, Join, LayoutError, Options, Sides, Tabs, layout, rulings};
 use crate::{
     geom::outline::check_outline,
     model::{CutMesh, Flattening, Joints, Operation, Parts, Strips},
-    profile::{Angle, JoinKind, Joining, Length, Profiles, TabSides},
+    profile::{Angle, Bend, JoinKind, Joining, Length, Perforation, Profiles, TabSides},
     stage::{Check, Cx, KeyError, Section, Stage},
 };
 
@@ -69,16 +69,31 @@ impl Default for LayoutStage {
     }
 }
 
+/// What the stage reads of the profiles.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Craft {
+    join: Joining,
+    thickness: Length,
+    bend: Option<Bend>,
+    perforation: Option<Perforation>,
+}
+
 impl Stage for LayoutStage {
     const NAME: &'static str = "layout";
-    const VERSION: u32 = 6;
+    const VERSION: u32 = 7;
     type Input = (CutMesh, Flattening, Option<Strips>);
     type Output = Parts;
-    type Profile = Joining;
+    type Profile = Craft;
     type Error = LayoutError;
 
-    fn profile(profiles: &Profiles) -> Joining {
-        profiles.material.join.clone()
+    fn profile(profiles: &Profiles) -> Craft {
+        let material = &profiles.material;
+        Craft {
+            join: material.join.clone(),
+            thickness: material.thickness,
+            bend: material.bend.clone(),
+            perforation: material.perforation,
+        }
     }
 
     fn check(&self) -> Result<(), KeyError> {
@@ -98,7 +113,7 @@ impl Stage for LayoutStage {
     fn run(
         &self,
         (cut, flat, strips): (&CutMesh, &Flattening, Option<&Strips>),
-        joining: &Joining,
+        craft: &Craft,
         cx: &Cx,
     ) -> Result<Parts, LayoutError> {
         let options = Options {
@@ -111,7 +126,13 @@ impl Stage for LayoutStage {
             least_height: self.least_text.mm,
             tick: self.tick.mm,
             tick_spacing: self.tick_spacing.mm,
-            join: join(joining),
+            join: join(&craft.join),
+            bending: craft.bend.as_ref().map(|bend| Bending {
+                thickness: craft.thickness.mm,
+                radius: bend.radius.mm,
+                k_factor: bend.k(craft.thickness.mm),
+            }),
+            perforation: craft.perforation.map(|it| (it.cut.mm, it.gap.mm)),
         };
         let mut parts = layout(cut, flat, &options, &cx.monitor)?;
         if let Some(strips) = strips.filter(|_| self.rulings != Rulings::None) {
@@ -122,7 +143,7 @@ impl Stage for LayoutStage {
         Ok(parts)
     }
 
-    fn section(&self, _: (&CutMesh, &Flattening, Option<&Strips>), _: &Joining, parts: &Parts) -> Section {
+    fn section(&self, _: (&CutMesh, &Flattening, Option<&Strips>), _: &Craft, parts: &Parts) -> Section {
         let faults: Vec<String> = parts
             .parts
             .iter()
@@ -138,14 +159,31 @@ impl Stage for LayoutStage {
             .map(|it| json!({ "part": it.part, "width_mm": it.width, "area_mm2": it.area }))
             .collect();
         let joints = &parts.joints;
+        let bends: Vec<_> = parts
+            .bends
+            .iter()
+            .map(|it| {
+                json!({
+                    "part": it.part,
+                    "direction": if it.up { "up" } else { "down" },
+                    "angle_deg": it.angle.to_degrees(),
+                    "length_mm": it.length,
+                    "allowance_mm": it.allowance,
+                    "deduction_mm": it.deduction,
+                    "corrected": it.corrected,
+                })
+            })
+            .collect();
         let table = json!({
             "refused": parts.refused.len(),
             "mountain_folds": count(&|it| it == Operation::ScoreMountain),
             "valley_folds": count(&|it| it == Operation::ScoreValley),
             "match_marks": count(&|it| it == Operation::Registration),
             "engraved_lines": count(&|it| it == Operation::Engrave),
-            "labels_outside": parts.outside,
+            "bends": bends,
+            "labels_on_partner": parts.on_partner,
             "unlabelled": parts.unlabelled,
+            "unnumbered_short_seams": parts.unnumbered,
             "opened_slits": opened,
             "tabs": joints.tabs,
             "narrowed_tabs": joints.narrowed,
@@ -166,9 +204,9 @@ impl Stage for LayoutStage {
                 parts.unlabelled.len() as f64,
                 0.0,
                 "labels",
-                match (parts.unlabelled.len(), parts.outside.len()) {
+                match (parts.unlabelled.len(), parts.on_partner.len()) {
                     (0, 0) => String::new(),
-                    (0, _) => format!("beside their part, on the waste: {}", parts.outside.join(", ")),
+                    (0, _) => format!("no room for {}", parts.on_partner.join(", ")),
                     _ => format!("no room for: {}; set a smaller layout.least_text", parts.unlabelled.join(", ")),
                 },
             ))

@@ -4,13 +4,14 @@ use std::collections::BTreeMap;
 use super::{seams::tick_places, *};
 use crate::{
     geom::{
-        Vec3,
+        Box2, Vec3,
         outline::check_outline,
         polygon::{contains, point_segment_distance, segments_meet, turned},
         polyline_length, signed_area,
+        stroke_font::letter,
     },
-    mesh::{EdgeId, FaceId, Field, TriMesh, VertexId},
-    model::{Joints, Operation, Piece, Seam},
+    mesh::{EdgeId, FaceId, Field, Id, TriMesh, VertexId},
+    model::{Joints, Operation, Part, Piece, Seam},
 };
 
 const OPTIONS: Options = Options {
@@ -24,6 +25,8 @@ const OPTIONS: Options = Options {
     tick: 2.5,
     tick_spacing: 25.0,
     join: Join::Butt,
+    bending: None,
+    perforation: None,
 };
 
 /// A rectangle of `columns` × `rows` squares, bent by `bends` (column, radians) about lines of constant x, with its
@@ -282,18 +285,25 @@ fn every_seam_is_numbered_on_both_sides_and_every_part_named() {
 }
 
 #[test]
-fn lettering_without_room_stands_on_the_waste_and_is_said() {
-    // Two strips 1.2 mm wide: the least letters with their clearance need more, however they are turned.
-    let (mesh, plane) = bent_sheet(56, 2, 0.6, &[]);
-    let middle = |f: FaceId| mesh.face_vertices(f).map(|v| plane[v.index()].x).iter().sum::<f64>() / 3.0;
-    let input = cut_apart(&mesh, &plane, |f| u32::from(middle(f) > 25.0), |_| false);
+fn lettering_without_room_is_left_to_the_partner_and_said() {
+    // A strip 0.8 mm wide beside a sheet: the least letters with their clearance need more, however they are turned.
+    let (mesh, plane) = bent_sheet(56, 40, 0.4, &[]);
+    let middle = |f: FaceId| mesh.face_vertices(f).map(|v| plane[v.index()].y).iter().sum::<f64>() / 3.0;
+    let input = cut_apart(&mesh, &plane, |f| u32::from(middle(f) > 0.8), |_| false);
     let parts = made(&input);
-    assert_eq!((parts.unlabelled.len(), parts.outside.len()), (0, 4), "{:?} {:?}", parts.outside, parts.unlabelled);
-    for part in &parts.parts {
-        let text: Vec<&Mark> = part.marks.iter().filter(|it| it.operation == Operation::Text).collect();
-        assert!(text.len() >= 2, "the number and the name of part {}", part.name);
-        assert!(text.iter().flat_map(|it| &it.points).all(|&p| !contains(&part.contours, p)), "part {}", part.name);
-    }
+    assert_eq!(parts.unlabelled, Vec::<String>::new());
+    let said = ["seam 1 (22.4 mm) of part A: on part B", "name of part A: along seam 1 on part B"];
+    assert_eq!(parts.on_partner, said);
+    let letters = |part: &Part| part.marks.iter().filter(|it| it.operation == Operation::Text).count();
+    assert_eq!(letters(&parts.parts[0]), 0);
+    let alone = letter("B", 7.0).strokes.len() + letter("1 A", 3.5).strokes.len();
+    assert_eq!(letters(&parts.parts[1]), alone, "the sheet says `1 A` along the seam, and its own name");
+    // Where neither side has room there is nothing to print on.
+    let (mesh, plane) = bent_sheet(140, 2, 0.4, &[]);
+    let middle = |f: FaceId| mesh.face_vertices(f).map(|v| plane[v.index()].x).iter().sum::<f64>() / 3.0;
+    let narrow = made(&cut_apart(&mesh, &plane, |f| u32::from(middle(f) > 25.0), |_| false));
+    let said = ["seam 1 (1.5 mm) of part A", "name of part A", "seam 1 (1.5 mm) of part B", "name of part B"];
+    assert_eq!((narrow.unlabelled.as_slice(), narrow.on_partner.len()), (said.map(String::from).as_slice(), 0));
 }
 
 #[test]
@@ -400,4 +410,116 @@ fn inputs_that_do_not_belong_together_are_refused() {
     flat.uv = Field::filled(2, Vec2::zeros());
     let fault = layout(&cut, &flat, &OPTIONS, &Monitor::silent());
     assert!(matches!(fault, Err(LayoutError::Misfit(Misfit::Count { found: 2, .. }))));
+}
+
+/// T 1, R 2, K 0.33: 90° have an allowance of 3.660 mm (CUTFILES.md), so legs of outside dimensions are 2.340 mm too long
+/// together and legs of inside dimensions 0.340 mm.
+const SHEET: Bending = Bending { thickness: 1.0, radius: 2.0, k_factor: 0.33 };
+
+fn in_metal(input: &(CutMesh, Flattening)) -> Parts {
+    let options = Options { bending: Some(SHEET), join: Join::Butt, ..OPTIONS };
+    let parts = layout(&input.0, &input.1, &options, &Monitor::silent()).unwrap();
+    for part in &parts.parts {
+        assert_eq!(check_outline(&part.contours), Ok(()));
+        assert!(part.marks.iter().flat_map(|it| &it.points).all(|&p| contains(&part.contours, p)));
+    }
+    assert_eq!(parts.unlabelled, Vec::<String>::new());
+    parts
+}
+
+/// Extent of the first part, turned back to where the fixture had it.
+fn extent(parts: &Parts) -> Vec2 {
+    Box2::of(&parts.parts[0].contours[0].iter().map(|&p| turned(p, -0.4)).collect::<Vec<_>>()).size()
+}
+
+#[test]
+fn a_channel_of_sheet_metal_is_as_long_as_the_formula_says() {
+    use std::f64::consts::FRAC_PI_2;
+    let (mesh, plane) = bent_sheet(50, 30, 4.0, &[(12, FRAC_PI_2), (30, -FRAC_PI_2)]);
+    let parts = in_metal(&cut_apart(&mesh, &plane, |_| 0, |_| false));
+    let expected = Vec2::new(200.0 - 0.340 - 2.340, 120.0);
+    assert!((extent(&parts) - expected).amax() < 1e-3, "{:?}", extent(&parts));
+    assert!((area(&parts.parts[0].contours) - expected.x * expected.y).abs() < 0.1);
+    let bends: Vec<(bool, f64, f64, bool)> = parts
+        .bends
+        .iter()
+        .map(|it| {
+            (it.up, (it.angle.to_degrees() * 1e3).round() / 1e3, (it.deduction * 1e3).round() / 1e3, it.corrected)
+        })
+        .collect();
+    assert_eq!(bends, [(false, 90.0, 2.34, true), (true, 90.0, 0.34, true)]);
+    // The lines lie in the middle of the bent zones: the inner leg is 72 mm, half of each deduction shorter.
+    let at = |up: bool| {
+        let wanted = if up { Operation::ScoreValley } else { Operation::ScoreMountain };
+        let line = parts.parts[0].marks.iter().find(|it| it.operation == wanted).unwrap();
+        turned(line.points[0], -0.4).x
+    };
+    assert!((at(false) - at(true) - (72.0 - 1.340)).abs() < 1e-3, "{} {}", at(true), at(false));
+    let letters = parts.parts[0].marks.iter().filter(|it| it.operation == Operation::Text).count();
+    let texts = ["UP 90°", "DOWN 90°", "A"];
+    assert_eq!(letters, texts.map(|it| letter(it, 3.5).strokes.len()).iter().sum::<usize>());
+}
+
+#[test]
+fn a_box_of_sheet_metal_is_as_long_as_the_formula_says() {
+    // Open below, the printed side outside: 60 × 40 mm, 25 mm high, its walls not joined to each other.
+    let (w, d, h) = (60.0, 40.0, 25.0);
+    let base = [[0.0, 0.0], [w, 0.0], [w, d], [0.0, d]].map(|[x, y]| Vec2::new(x, y));
+    let mut points: Vec<Vec3> = base.iter().map(|p| Vec3::new(p.x, p.y, 0.0)).collect();
+    let mut plane = base.to_vec();
+    let mut faces = vec![[0, 1, 2], [0, 2, 3]];
+    for k in 0..4 {
+        let (a, b, n) = (base[k], base[(k + 1) % 4], plane.len() as u32);
+        let out = Vec2::new((b - a).y, -(b - a).x).normalize() * h;
+        for p in [a, b] {
+            points.push(Vec3::new(p.x, p.y, -h));
+            plane.push(p + out);
+        }
+        let (i, j) = (k as u32, (k as u32 + 1) % 4);
+        faces.extend([[i, n, n + 1], [i, n + 1, j]]);
+    }
+    let mesh = TriMesh::new(points, &faces).unwrap();
+    let parts = in_metal(&cut_apart(&mesh, &plane, |_| 0, |_| false));
+    assert!(parts.bends.len() == 4 && parts.bends.iter().all(|it| it.corrected && !it.up), "{:?}", parts.bends);
+    let deduction = 2.0 * 2.340;
+    let expected = Vec2::new(w + 2.0 * h - deduction, d + 2.0 * h - deduction);
+    assert!((extent(&parts) - expected).amax() < 1e-3, "{:?}", extent(&parts));
+}
+
+#[test]
+fn bends_that_no_flat_pattern_can_take_in_print_their_deduction() {
+    // The third bend is 4 mm from the second: their bent zones would overlap.
+    let (mesh, plane) = bent_sheet(50, 30, 4.0, &[(12, 1.5), (30, -1.5), (31, -1.5)]);
+    let parts = in_metal(&cut_apart(&mesh, &plane, |_| 0, |_| false));
+    assert!(parts.bends.len() == 3 && parts.bends.iter().all(|it| !it.corrected));
+    assert!((extent(&parts).x - 200.0).abs() < 1e-6);
+    let letters = parts.parts[0].marks.iter().filter(|it| it.operation == Operation::Text).count();
+    let [up, down] = [false, true].map(|down| SHEET.deduction(1.5, !down));
+    let texts =
+        [format!("UP 86° BD {up:.2}"), format!("DOWN 86° BD {down:.2}"), format!("DOWN 86° BD {down:.2}"), "A".into()];
+    assert_eq!(letters, texts.iter().map(|it| letter(it, 3.5).strokes.len()).sum::<usize>());
+}
+
+#[test]
+fn perforated_folds_are_real_segments() {
+    let input = three_pieces();
+    let options = Options { perforation: Some((2.0, 1.0)), ..OPTIONS };
+    let (whole, cut) = (made(&input), layout(&input.0, &input.1, &options, &Monitor::silent()).unwrap());
+    let folds = |parts: &Parts| -> Vec<Mark> {
+        parts.parts.iter().flat_map(|it| it.marks.clone()).filter(|it| it.operation.is_score()).collect()
+    };
+    let (lines, cuts) = (folds(&whole), folds(&cut));
+    let expected: usize = lines.iter().map(|it| (polyline_length(&it.points, false) / 3.0) as usize).sum();
+    assert_eq!(cuts.len(), expected);
+    for mark in &cuts {
+        assert!((polyline_length(&mark.points, false) - 2.0).abs() < 1e-9);
+        assert!(lines.iter().any(|line| {
+            let on = |p: Vec2| line.points.windows(2).any(|w| point_segment_distance(p, w[0], w[1]) < 1e-9);
+            line.operation == mark.operation && mark.points.iter().all(|&p| on(p))
+        }));
+    }
+    for pair in cuts.windows(2) {
+        let gap = (pair[1].points[0] - pair[0].points[pair[0].points.len() - 1]).norm();
+        assert!(gap >= 1.0 - 1e-9, "{gap}");
+    }
 }

@@ -4,8 +4,6 @@ use crate::{
     model::{Part, Sheets},
 };
 
-use super::footprint;
-
 /// Parts nearer than this touch, mm.
 const TOUCH: f64 = 1e-9;
 
@@ -20,12 +18,11 @@ pub struct Clearances {
     pub margin: Option<(f64, String)>,
 }
 
-/// Measures every pair of parts and every part against its sheet, lettering that stands beside a part included. A part in
-/// a hole of another counts as apart from it.
+/// Measures every pair of parts and every part against its sheet. A part in a hole of another counts as apart from it.
 pub fn measure(sheets: &Sheets) -> Clearances {
     let mut found = Clearances { overlaps: Vec::new(), gap: None, margin: None };
     for (number, sheet) in sheets.sheets.iter().enumerate() {
-        let trees: Vec<SegmentTree> = sheet.parts.iter().map(|it| SegmentTree::of_contours(&footprint(it))).collect();
+        let trees: Vec<SegmentTree> = sheet.parts.iter().map(|it| SegmentTree::of_contours(&it.contours)).collect();
         let place = |names: &str| format!("{names} on sheet {}", number + 1);
         for (i, part) in sheet.parts.iter().enumerate() {
             let Box2 { min, max } = trees[i].bounds();

@@ -24,9 +24,8 @@ use shape::Prepared;
 
 use crate::{
     geom::{
-        Vec2, boolean,
-        polygon::{area, bounds_turned, contains, convex_hull, least_box_angle, turned},
-        segment_tree::SegmentTree,
+        Vec2,
+        polygon::{area, bounds_turned, convex_hull, least_box_angle, turned},
     },
     model::{Mark, Part, Parts, Placement, Sheet, Sheets},
     numeric::{Cancelled, Monitor, random::Random},
@@ -34,8 +33,6 @@ use crate::{
 
 /// Added to the gap on the grid so that rounding in f64 cannot eat into it, mm.
 const SAFETY: f64 = 1e-7;
-/// Width of a stroke of lettering beside a part, mm.
-const STROKE: f64 = 0.2;
 /// Angles between which a part that fits at none of its usual ones is tried on an empty sheet.
 const FINE_ANGLES: usize = 360;
 /// How much more than half the gap shapes are grown so that they can be simplified: a share of the gap, and at least a share
@@ -160,7 +157,7 @@ pub fn nest(parts: &Parts, options: &Options, monitor: &Monitor) -> Result<Sheet
         return Err(NestError::BadPart { name: part.name.clone() });
     }
     let room = options.largest_room();
-    let footprints: Vec<Vec<Vec<Vec2>>> = parts.parts.iter().map(footprint).collect();
+    let footprints: Vec<&[Vec<Vec2>]> = parts.parts.iter().map(|it| it.contours.as_slice()).collect();
     let allowed = |part: &Part| {
         let own = options.part_rotations.iter().find(|it| it.0 == part.name);
         own.map_or(&options.rotations, |it| &it.1)
@@ -203,7 +200,7 @@ fn lay(put: &Put, stamps: &[Vec<Stamp>], options: &Options) -> Placement {
 
 /// The packing after the search; `None` when it is no better than the first one.
 fn improve(
-    footprints: &[Vec<Vec<Vec2>>],
+    footprints: &[&[Vec<Vec2>]],
     angles: &[Vec<f64>],
     first: &[Vec<Placement>],
     options: &Options,
@@ -214,9 +211,9 @@ fn improve(
         first.iter().enumerate().flat_map(|(sheet, it)| it.iter().map(move |it| (sheet, it))).collect();
     let parts: Vec<Prepared> = laid
         .par_iter()
-        .map(|(_, it)| Prepared::new(&footprints[it.part], &angles[it.part], options.gap / 2.0, tolerance))
+        .map(|(_, it)| Prepared::new(footprints[it.part], &angles[it.part], options.gap / 2.0, tolerance))
         .collect();
-    let areas: Vec<f64> = laid.iter().map(|(_, it)| area(&footprints[it.part])).collect();
+    let areas: Vec<f64> = laid.iter().map(|(_, it)| area(footprints[it.part])).collect();
     let lie = |(&(sheet, it), part): (&(usize, &Placement), &Prepared)| {
         let shape = part.shapes.iter().position(|shape| shape.angle == it.angle).unwrap_or(0);
         Lie { sheet, shape, at: it.offset.add_scalar(-options.margin) - part.shapes[shape].shift }
@@ -283,22 +280,6 @@ fn stamps(footprint: &[Vec<Vec2>], angles: &[f64], options: &Options) -> Vec<Sta
         Stamp::new(footprint.iter().map(turn).collect(), angle, options.cell, options.gap + SAFETY)
     };
     angles.iter().map(stamp).collect()
-}
-
-/// What a part takes of a sheet, as contours for the even-odd rule: its outline and holes, and its lettering on the waste.
-fn footprint(part: &Part) -> Vec<Vec<Vec2>> {
-    let mut contours = part.contours.clone();
-    let beside: Vec<&Mark> = part.marks.iter().filter(|it| !contains(&part.contours, it.points[0])).collect();
-    if beside.is_empty() {
-        return contours;
-    }
-    // A mark on the outline itself comes out either way; lettering stands clear of it.
-    let outline = SegmentTree::of_contours(&part.contours);
-    let clear = |p: Vec2| outline.nearest(p).is_some_and(|it| (it.1 - p).norm() > STROKE);
-    let lettering: Vec<Vec<Vec2>> =
-        beside.into_iter().filter(|it| clear(it.points[0])).map(|it| it.points.clone()).collect();
-    contours.extend(boolean::thicken(&lettering, STROKE / 2.0).into_iter().flatten());
-    contours
 }
 
 fn fan(first: f64, steps: usize) -> impl Iterator<Item = f64> {

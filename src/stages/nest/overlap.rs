@@ -1,5 +1,5 @@
 //! Whether two parts collide, and how badly: a smooth measure that guides them apart.
-use super::shape::{Prepared, Shape};
+use super::shape::{LANES, Lanes, Prepared, Shape};
 use crate::geom::Vec2;
 
 /// Below this share of the larger diameter, the depth by which circles overlap is replaced by a decaying function of
@@ -17,16 +17,32 @@ pub(super) fn overlap(a: (&Prepared, &Shape), b: (&Prepared, &Shape), between: V
         return None;
     }
     let epsilon = DECAY * a.0.diameter.max(b.0.diameter);
-    let mut sum = epsilon * epsilon;
-    for p in &a.1.circles {
-        let center = p.center + between;
-        for q in &b.1.circles {
-            let depth = p.radius + q.radius - (center - q.center).norm();
-            let depth = if depth >= epsilon { depth } else { epsilon * epsilon / (2.0 * epsilon - depth) };
-            sum += depth * p.radius.min(q.radius);
+    let sum = epsilon * epsilon + f64::from(depths(&a.1.lanes, &b.1.lanes, between, epsilon as f32));
+    Some(sum.sqrt() * (a.0.hull * b.0.hull).sqrt().sqrt())
+}
+
+/// Sum over all pairs of circles of the depth by which they overlap, times the smaller radius.
+///
+/// Most of a search is spent here, so it runs in single precision, several circles at a time; it only guides.
+fn depths(a: &Lanes, b: &Lanes, between: Vec2, epsilon: f32) -> f32 {
+    let larger = |a: f32, b: f32| if a > b { a } else { b };
+    let smaller = |a: f32, b: f32| if a < b { a } else { b };
+    let square = epsilon * epsilon;
+    let mut sums = [0.0_f32; LANES];
+    for p in 0..a.count {
+        let (lane, k) = (p / LANES, p % LANES);
+        let (x, y, radius) = (a.x[lane][k] + between.x as f32, a.y[lane][k] + between.y as f32, a.radius[lane][k]);
+        for ((qx, qy), qr) in b.x.iter().zip(&b.y).zip(&b.radius) {
+            for k in 0..LANES {
+                let (dx, dy) = (x - qx[k], y - qy[k]);
+                let depth = radius + qr[k] - (dx * dx + dy * dy).sqrt();
+                // Never less than the depth, and the depth itself from `epsilon` on.
+                let decayed = square / larger(2.0 * epsilon - depth, epsilon);
+                sums[k] += larger(depth, decayed) * smaller(radius, qr[k]);
+            }
         }
     }
-    Some(sum.sqrt() * (a.0.hull * b.0.hull).sqrt().sqrt())
+    sums.iter().sum()
 }
 
 /// Whether the interiors or boundaries meet, given that the boxes do.

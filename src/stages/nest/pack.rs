@@ -13,8 +13,10 @@ use crate::{
 
 /// Shares of the effort after which a sheet less is no longer tried, and after which exploration ends.
 const SHARES: (f64, f64) = (0.5, 0.8);
-/// Step of the height in exploration, as a share; it is halved after so many failures.
-const EXPLORE: (f64, usize) = (0.01, 12);
+/// Steps of the height in exploration, as shares: the first, halved at every failure, and the one from which on it takes so
+/// many failures to halve it. Long steps come down fast from the first packing, but where little room is left short ones get
+/// further in the same time.
+const EXPLORE: (f64, f64, usize) = (0.01, 0.002, 12);
 /// Steps of the height in compression: first and last.
 const COMPRESS: (f64, f64) = (0.002, 0.00005);
 /// Patience of exploration and of compression.
@@ -179,7 +181,8 @@ impl Packer<'_> {
         while !self.spent(SHARES.1) && self.lower(step) {
             let mut pool: Vec<(f64, Vec<Lie>)> = Vec::new();
             let mut failures = 0;
-            while !self.separate(PATIENCE[0], SHARES.1)? && !self.spent(SHARES.1) && failures < EXPLORE.1 {
+            let enough = if step > EXPLORE.1 { 0 } else { EXPLORE.2 };
+            while !self.separate(PATIENCE[0], SHARES.1)? && !self.spent(SHARES.1) && failures < enough {
                 failures += 1;
                 let loss = self.bench.loss();
                 let at = pool.partition_point(|it| it.0 <= loss);

@@ -40,6 +40,31 @@ pub(super) struct Shape {
     strips: (Vec<[Vec2; 2]>, Vec<usize>),
     /// Circles inside, largest first.
     pub(super) circles: Vec<Circle>,
+    /// The same for sums over all of them.
+    pub(super) lanes: Lanes,
+}
+
+/// Circles that are worked on together.
+pub(super) const LANES: usize = 4;
+
+/// Circles by coordinate, filled up with circles of radius 0.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Lanes {
+    pub(super) count: usize,
+    pub(super) x: Vec<[f32; LANES]>,
+    pub(super) y: Vec<[f32; LANES]>,
+    pub(super) radius: Vec<[f32; LANES]>,
+}
+
+impl Lanes {
+    fn new(circles: &[Circle]) -> Self {
+        let lane = |value: &dyn Fn(&Circle) -> f64| {
+            let some = |it: &[Circle]| std::array::from_fn(|k| it.get(k).map_or(0.0, value) as f32);
+            circles.chunks(LANES).map(some).collect()
+        };
+        let (x, y) = (lane(&|it| it.center.x), lane(&|it| it.center.y));
+        Self { count: circles.len(), x, y, radius: lane(&|it| it.radius) }
+    }
 }
 
 /// A part, with what does not depend on its angle.
@@ -69,6 +94,7 @@ impl Prepared {
             let bounds = bounds_turned(&hull, angle);
             let shift = -(bounds.min + bounds.max) / 2.0;
             let place = |p: Vec2| turned(p, angle) + shift;
+            let circles: Vec<Circle> = circles.iter().map(|it| Circle { center: place(it.center), ..*it }).collect();
             let edges: Vec<[Vec2; 2]> =
                 contours.iter().flat_map(|it| edges(it)).map(|(a, b)| [place(a), place(b)]).collect();
             Shape {
@@ -78,7 +104,8 @@ impl Prepared {
                 bounds: bounds_turned(&exact, angle).moved(shift),
                 strips: strips(&edges, bounds.size().y / 2.0),
                 edges,
-                circles: circles.iter().map(|it| Circle { center: place(it.center), ..*it }).collect(),
+                lanes: Lanes::new(&circles),
+                circles,
             }
         };
         let diameter = hull.iter().flat_map(|p| hull.iter().map(move |q| (p - q).norm())).fold(0.0, f64::max);

@@ -15,10 +15,12 @@ use crate::{
 
 /// Equal steps of a turn at which parts are tried when they may lie at any angle.
 const FREE_STEPS: usize = 8;
-/// Pairs of parts tested by default, thousands: about a second.
-const EFFORT: usize = 400;
+/// Pairs of parts tested by default, thousands: two to three seconds.
+const EFFORT: usize = 2000;
 /// Cells along the longer side of the stock when no `resolution` is given.
 const CELLS: f64 = 600.0;
+/// Thread per length of a lock-stitched seam, upper and lower: makers' tables say 2.5 to 2.8.
+const THREAD: f64 = 2.8;
 /// Measured distances may fall short of the promise by this much of rounding, mm.
 const ROUNDING: f64 = 1e-6;
 
@@ -69,7 +71,7 @@ pub struct NestStage {
     pub fit_sheets: Option<usize>,
     /// Kept free along the edges of the stock, instead of the material's.
     pub margin: Option<Length>,
-    /// Kept free between parts, instead of the material's.
+    /// Kept free between parts, instead of the material's; never less than the machine's kerf.
     pub gap: Option<Length>,
     /// "free", "grain" (0° and 180°), "fixed", or a list of degrees.
     pub rotations: Angles,
@@ -109,13 +111,17 @@ pub struct Stock {
     bed: [Length; 2],
     margin: Length,
     gap: Length,
+    /// Whether the stock comes from a roll and the machine takes it so: its length is no limit.
+    roll: bool,
+    /// What the tool takes away beside an outline: parts nearer than this would be cut into.
+    kerf: Length,
     title: String,
     join: Joining,
 }
 
 impl Stage for NestStage {
     const NAME: &'static str = "nest";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const DRAWS: bool = true;
     type Input = Parts;
     type Output = Sheets;
@@ -129,6 +135,8 @@ impl Stage for NestStage {
             bed: machine.bed,
             margin: material.margin,
             gap: material.gap,
+            roll: material.roll && machine.roll,
+            kerf: machine.tools.get(Operation::CutOutside).map_or(Length::mm(0.0), |it| it.kerf),
             title: material.title.clone(),
             join: material.join.clone(),
         }
@@ -169,7 +177,13 @@ impl Stage for NestStage {
     fn run(&self, parts: &Parts, stock: &Stock, cx: &Cx) -> Result<Sheets, NestError> {
         let chosen = self.chosen(parts)?;
         let wanted = Parts { parts: chosen.iter().map(|&i| parts.parts[i].clone()).collect(), ..Parts::default() };
-        let mut sheets = nest(&wanted, &self.options(stock, cx.seed), &cx.monitor)?;
+        let options = self.options(&wanted, stock, cx.seed);
+        let mut sheets = nest(&wanted, &options, &cx.monitor)?;
+        if let Some(last) =
+            sheets.sheets.last_mut().filter(|it| stock.roll && it.size == options.stock[options.stock.len() - 1])
+        {
+            last.size.y = used_height(last, sheets.margin);
+        }
         for placement in sheets.sheets.iter_mut().flat_map(|it| &mut it.placements) {
             placement.part = chosen[placement.part];
         }
@@ -183,7 +197,8 @@ impl Stage for NestStage {
             .enumerate()
             .flat_map(|(number, sheet)| sheet.parts.iter().map(move |it| describe(it, number + 1)))
             .collect();
-        let size = self.stock_size(stock);
+        let last = sheets.sheets.last();
+        let size = last.filter(|_| stock.roll).map_or_else(|| self.stock_size(parts, stock), |it| it.size);
         let table = json!({
             "sheets": sheets.sheets.len(),
             "parts": placed.len(),
@@ -213,16 +228,16 @@ impl NestStage {
         self.only.iter().map(index).collect()
     }
 
-    fn options(&self, stock: &Stock, seed: u64) -> Options {
-        let sheet = self.stock_size(stock);
+    fn options(&self, parts: &Parts, stock: &Stock, seed: u64) -> Options {
+        let sheet = self.stock_size(parts, stock);
         let remnants = self.remnants.iter().map(|it| self.on_bed(*it, stock));
         Options {
             stock: remnants.chain([sheet]).collect(),
             margin: self.margin.unwrap_or(stock.margin).mm,
-            gap: self.gap.unwrap_or(stock.gap).mm,
+            gap: self.gap(stock),
             rotations: self.rotations.kernel(),
             part_rotations: self.part_rotations.iter().map(|(name, it)| (name.clone(), it.kernel())).collect(),
-            cell: self.resolution.map_or(sheet.max() / CELLS, |it| it.mm),
+            cell: self.resolution.map_or(if stock.roll { sheet.x } else { sheet.max() } / CELLS, |it| it.mm),
             effort: self.effort,
             seconds: self.seconds,
             seed,
@@ -233,7 +248,7 @@ impl NestStage {
     fn fits(&self, parts: &Parts, stock: &Stock, sheets: &Sheets) -> Option<Check> {
         let wanted = self.fit_sheets?;
         let used = sheets.sheets.len() as f64;
-        let quick = Options { effort: 0, ..self.options(stock, 0) };
+        let quick = Options { effort: 0, ..self.options(parts, stock, 0) };
         let fits = |scale: f64| {
             let mut smaller = parts.clone();
             smaller.parts.iter_mut().flat_map(|it| it.contours.iter_mut().flatten()).for_each(|p| *p *= scale);
@@ -248,13 +263,33 @@ impl NestStage {
             let middle = (range.0 + range.1) / 2.0;
             if fits(middle) { range.0 = middle } else { range.1 = middle }
         }
-        let note = if whole { String::new() } else { format!("at a scale of {:.2} it would fit", range.0) };
+        let note = if whole {
+            String::new()
+        } else {
+            format!(
+                "these parts would fit at a scale of {:.2}; a smaller model is cut anew, so it may need a little less",
+                range.0
+            )
+        };
         let check = Check::at_most("nest.fit_sheets", used, wanted as f64, "sheets", note);
         Some(Check { ok: whole, ..check })
     }
 
-    fn stock_size(&self, stock: &Stock) -> Vec2 {
-        self.on_bed(self.sheet.unwrap_or(stock.sheet), stock)
+    /// What is kept free between parts: at least what the cuts around them take.
+    fn gap(&self, stock: &Stock) -> f64 {
+        self.gap.unwrap_or(stock.gap).mm.max(stock.kerf.mm)
+    }
+
+    fn stock_size(&self, parts: &Parts, stock: &Stock) -> Vec2 {
+        let size = self.sheet.unwrap_or(stock.sheet);
+        if !stock.roll {
+            return self.on_bed(size, stock);
+        }
+        // Long enough for all parts one above the other, however they are turned.
+        let extent = |part: &Part| Box2::of(&part.contours[0]).size().norm();
+        let gap = self.gap(stock);
+        let length: f64 = parts.parts.iter().map(|it| extent(it) + gap).sum();
+        Vec2::new(size[0].mm.min(stock.bed[0].mm), length + 2.0 * self.margin.unwrap_or(stock.margin).mm + 1.0)
     }
 
     /// Stock as it lies on the bed: turned by a quarter where more of it fits that way and parts have no grain.
@@ -297,11 +332,18 @@ fn shopping(parts: &Parts, stock: &Stock, sheets: &Sheets) -> Value {
     let mut put = |key: &str, value: Value| drop(list.insert(key.into(), value));
     put("material", json!(stock.title));
     put("sheets", json!(sheets.sheets.len()));
+    if let Some(last) = sheets.sheets.last().filter(|_| stock.roll) {
+        put("roll_m", json!(last.size.y / 1000.0));
+    }
     put("cut_m", json!(metres(&Operation::is_cut)));
     put("fold_m", json!(metres(&|it| matches!(it, Operation::ScoreMountain | Operation::ScoreValley))));
     match stock.join.kind {
         // Both sides carry the line, and the thread goes along it once.
-        JoinKind::Allowance => put("seam_to_sew_m", json!(metres(&|it| it == Operation::Sew) / 2.0)),
+        JoinKind::Allowance => {
+            let seam = metres(&|it| it == Operation::Sew) / 2.0;
+            put("seam_to_sew_m", json!(seam));
+            put("thread_m", json!(THREAD * seam));
+        }
         // One through the flap and one through the other side are one rivet.
         JoinKind::Rivets => put("rivets", json!(parts.joints.holes / 2)),
         JoinKind::Holes => put("stitches", json!(parts.joints.holes / 2)),
@@ -315,11 +357,16 @@ fn shopping(parts: &Parts, stock: &Stock, sheets: &Sheets) -> Value {
 fn density(sheets: &Sheets) -> f64 {
     let parts: f64 = sheets.sheets.iter().flat_map(|it| &it.parts).map(|it| area(&it.contours)).sum();
     let stock = |(k, sheet): (usize, &Sheet)| {
-        let top = Box2::of(sheet.parts.iter().flat_map(|it| &it.contours[0])).max.y + sheets.margin;
-        sheet.size.x * if k + 1 == sheets.sheets.len() { top.min(sheet.size.y) } else { sheet.size.y }
+        let used = k + 1 == sheets.sheets.len();
+        sheet.size.x * if used { used_height(sheet, sheets.margin).min(sheet.size.y) } else { sheet.size.y }
     };
     let stock: f64 = sheets.sheets.iter().enumerate().map(stock).sum();
     if stock > 0.0 { parts / stock } else { 0.0 }
+}
+
+/// Height of a sheet up to a margin above its parts, mm.
+fn used_height(sheet: &Sheet, margin: f64) -> f64 {
+    Box2::of(sheet.parts.iter().flat_map(|it| &it.contours[0])).max.y + margin
 }
 
 /// A row of the list of parts, for people and for programs that check the files.

@@ -108,6 +108,7 @@ impl RouteStage {
             Head::Z { up, down, plunge, dwell } => (up - down) * (60.0 / plunge + 60.0 / machine.rapid) + dwell,
         };
         let [width, height] = machine.bed.map(|it| it.mm);
+        let height = if machine.roll { f64::INFINITY } else { height };
         Options {
             tools: machine.order.iter().filter_map(tool).collect(),
             bed: Vec2::new(width, height),
