@@ -1,12 +1,13 @@
 //! Laws of cutting and flattening, over shapes by property: developable or not, closed or not, with handles or without.
 use fabricate::{
-    geom::{Vec2, Vec3, outline::check_outline, signed_area},
+    geom::{Vec2, Vec3, outline::check_outline, polygon::least_excess, signed_area},
     mesh::{FaceId, Field, HalfedgeId, TriMesh, VertexId, shapes},
     model::{CutMesh, DevelopableMesh, Flattening},
     numeric::Monitor,
     stages::{
         cut::{self, cut},
         flatten::{flatten, quality, seam_lengths},
+        unfold::hulls,
     },
 };
 
@@ -377,4 +378,25 @@ fn the_obstacle_to_fewer_pieces_is_named() {
     // One piece in which nothing is to be glued has none.
     let (input, cut, _) = run(shapes::grid(3, 3, 10.0), 0.01);
     assert_eq!(cut::obstacle(&input.mesh, &cut), Ok(None));
+}
+
+#[test]
+fn what_is_larger_than_the_sheet_is_cut_once_more_and_sewn() {
+    // Unrolls to 377 by 200 mm.
+    let input = developable(shapes::cylinder(60.0, 200.0, 48, 12));
+    let room = [150.0, 210.0];
+    let pieces = |sheet: Option<[f64; 2]>| {
+        let cut = cut(&input, &cut::Options { sheet, ..options(1e-3) }, &Monitor::silent()).unwrap();
+        let flat = flatten(&cut, &Monitor::silent()).unwrap();
+        (cut, flat)
+    };
+    assert_eq!(pieces(None).0.pieces.len(), 1);
+    let (cut, flat) = pieces(Some(room));
+    assert!((3..=5).contains(&cut.pieces.len()), "{}", cut.pieces.len());
+    assert!(hulls(&cut, &flat).iter().all(|it| least_excess(it, room).0 <= 1.0));
+    // A seam between each piece and the next around the cylinder, straight and as long as it is high.
+    assert_eq!(cut.seams.len(), cut.pieces.len());
+    for it in seam_lengths(&cut, &flat) {
+        assert!(it.sides.iter().all(|side| (side - 200.0).abs() < 0.5), "{it:?}");
+    }
 }
