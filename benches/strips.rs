@@ -54,7 +54,7 @@ fn row(path: &str) {
     let start = Instant::now();
     let cut = cut(&input, &options, &Monitor::silent()).unwrap_or_else(|error| fail(&error));
     let cutting = start.elapsed().as_secs_f64();
-    let flat = flatten(&cut, &Monitor::silent()).unwrap_or_else(|error| fail(&error));
+    let flat = flatten(&cut, &cutting::flat(), &Monitor::silent()).unwrap_or_else(|error| fail(&error));
     let options = Options { spacing: Spacing::Tolerance(1e-3 * diagonal), planarity: 0.003, fold_angle: 0.5 };
     let start = Instant::now();
     let out = strips(&cut, &flat, &options, &Monitor::silent()).unwrap_or_else(|error| fail(&error));

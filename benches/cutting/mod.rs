@@ -1,8 +1,11 @@
-//! How benchmarks cut.
+//! How benchmarks and tests cut and flatten.
 use fabricate::{
     mesh::{Field, TriMesh},
     model::DevelopableMesh,
-    stages::cut::Options,
+    stages::{
+        cut::Options,
+        flatten::{self, Outline},
+    },
 };
 
 /// A mesh taken as it is.
@@ -23,6 +26,12 @@ pub(crate) fn options(stretch: f64) -> Options {
         min_area: 36.0,
         prefer: vec![],
         avoid: vec![],
+        seams: vec![],
         sheet: None,
     }
+}
+
+/// What the stage asks for by default.
+pub(crate) fn flat() -> flatten::Options {
+    flatten::Options { outline: Outline::Isometric, corner: 30_f64.to_radians(), hem: 1.0, equal_seams: true }
 }

@@ -11,6 +11,7 @@ pub use planar::{
     Toolpaths,
 };
 pub use shape::{
-    CutMesh, DevelopableMesh, Flattening, Misfit, Overlap, Piece, PieceId, Round, Seam, SourceMesh, Tradeoff,
+    CutMesh, DevelopableMesh, Flattening, Guides, Misfit, Overlap, Patch, Piece, PieceId, Round, Seam, SourceMesh,
+    Tradeoff,
 };
 pub use strips::{Corner, Panel, PanelKind, Ruled, Ruling, Strips};

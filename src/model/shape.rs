@@ -1,6 +1,6 @@
 //! Nouns in space: the input, the developable mesh, the cut mesh and its flattening.
 use crate::{
-    geom::Vec2,
+    geom::{Vec2, Vec3},
     mesh::{FaceId, Field, HalfedgeId, Id, TriMesh, VertexId},
 };
 
@@ -16,6 +16,24 @@ pub struct SourceMesh {
     pub repairs: Vec<String>,
     /// The axis that points up: 1 for y, 2 for z.
     pub up: usize,
+}
+
+/// What the user drew on the input to lead the seams, in the coordinates of the [`SourceMesh`].
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Guides {
+    /// Lines along which there must be a seam, mm.
+    pub seams: Vec<Vec<Vec3>>,
+    /// Parts of the surface that were named to be preferred or avoided.
+    pub patches: Vec<Patch>,
+}
+
+/// A painted part of the input.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Patch {
+    /// Key of the config that it belongs to: `prefer 0` is the first of `[[cut.prefer]]`.
+    pub key: String,
+    /// Its triangles, mm.
+    pub triangles: Vec<[Vec3; 3]>,
 }
 
 /// One round of the developability flow.

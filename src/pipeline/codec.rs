@@ -5,9 +5,9 @@ use crate::{
     geom::{Vec2, Vec3, arcs::ArcPath},
     mesh::{EdgeId, FaceId, Field, HalfedgeId, Id, TriMesh, VertexId},
     model::{
-        Artifact, Bend, Corner, CutMesh, DevelopableMesh, Flattening, Joints, Kind, Mark, Noun, Opening, Operation,
-        Overlap, Panel, PanelKind, Part, Parts, Piece, PieceId, Placement, Round, Ruled, Ruling, Seam, Sheet,
-        SheetPaths, Sheets, SourceMesh, Strips, Toolpath, Toolpaths, Tradeoff,
+        Artifact, Bend, Corner, CutMesh, DevelopableMesh, Flattening, Guides, Joints, Kind, Mark, Noun, Opening,
+        Operation, Overlap, Panel, PanelKind, Part, Parts, Patch, Piece, PieceId, Placement, Round, Ruled, Ruling,
+        Seam, Sheet, SheetPaths, Sheets, SourceMesh, Strips, Toolpath, Toolpaths, Tradeoff,
     },
 };
 
@@ -224,6 +224,8 @@ plain_enums! {
 
 records! {
     SourceMesh { mesh, file, repairs, up }
+    Guides { seams, patches }
+    Patch { key, triangles }
     Round {
         energy, vertices, faces, energy_start, energy_end, gradient_norm, iterations, evaluations, seconds, stopped,
         level, correction, mesh,
@@ -275,4 +277,4 @@ macro_rules! artifacts {
     };
 }
 
-artifacts!(SourceMesh, TriMesh, DevelopableMesh, CutMesh, Flattening, Strips, Parts, Sheets, Toolpaths);
+artifacts!(SourceMesh, Guides, TriMesh, DevelopableMesh, CutMesh, Flattening, Strips, Parts, Sheets, Toolpaths);

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use super::{
     codec,
     config::{Config, ConfigError},
+    guides,
 };
 use crate::{
     import::mesh::{self as reader, ImportError},
@@ -91,6 +92,9 @@ pub enum InputError {
     /// The file is missing, cannot be read or holds something else.
     #[error("cannot read the mesh")]
     Unreadable(#[from] ImportError),
+    /// The file of drawn seams.
+    #[error("cannot read the seams of cut.seams")]
+    Seams(#[source] ImportError),
     /// The surface cannot be worked with.
     #[error("the mesh {path} is refused")]
     Refused {
@@ -108,6 +112,8 @@ pub struct Source {
     pub artifact: Artifact,
     /// Hash of its content.
     pub key: Key,
+    /// What was drawn on it, a [`crate::model::Guides`], with the hash of its content.
+    pub guides: Option<(Artifact, Key)>,
     /// The `input` table of the report.
     pub facts: Value,
     /// What the user should know.
@@ -139,14 +145,20 @@ impl Source {
         let up = table.up.unwrap_or_else(|| usual_up(given));
         let scale = sizing.scale(&mesh.bounds().size(), up, &mut warnings);
         mesh.positions_mut().as_mut_slice().iter_mut().for_each(|p| *p *= scale);
+        let guides = guides::load(config, &path, &soup, scale)?.map(|it| keyed(it.wrap()));
         let file = given.file_name().unwrap_or(given.as_os_str()).to_string_lossy().into_owned();
         let up = if up == Up::Z { 2 } else { 1 };
         let mesh = SourceMesh { mesh, file, repairs: repairs.iter().map(ToString::to_string).collect(), up };
         let facts = facts(&mesh);
-        let artifact = mesh.wrap();
-        let key = *blake3::hash(&codec::encode(std::slice::from_ref(&artifact))).as_bytes();
-        Ok(Self { artifact, key, facts, warnings })
+        let (artifact, key) = keyed(mesh.wrap());
+        Ok(Self { artifact, key, guides, facts, warnings })
     }
+}
+
+/// An artifact with the hash of its content.
+fn keyed(artifact: Artifact) -> (Artifact, Key) {
+    let key = *blake3::hash(&codec::encode(std::slice::from_ref(&artifact))).as_bytes();
+    (artifact, key)
 }
 
 /// Facts of a mesh file in its own units, as `fabricate inspect` shows them; `Err` says why it is refused.

@@ -5,6 +5,7 @@ mod codec;
 mod config;
 mod coupon;
 mod deliver;
+mod guides;
 mod input;
 mod output;
 mod plan;

@@ -1,8 +1,13 @@
 //! A part of a mesh opened along cut edges, with local vertices of its own: what gets flattened, and what the search for
 //! cuts tries by the hundred without building meshes.
-use crate::mesh::{EdgeId, FaceId, Field, HalfedgeId, TriMesh, VertexId};
+use crate::{
+    geom::Vec2,
+    mesh::{EdgeId, FaceId, Field, HalfedgeId, TriMesh, VertexId},
+};
 
 const NONE: u32 = u32::MAX;
+/// A flat triangle may lose this share of its distance to collapse in one step.
+const TOWARDS_COLLAPSE: f64 = 0.8;
 
 /// Angles, cotangents, lengths and areas of a mesh, computed once and shared by all its charts.
 #[derive(Debug, Clone)]
@@ -71,6 +76,38 @@ impl Chart {
     /// All halfedges of its faces with local tails and heads.
     pub fn halfedges(&self) -> impl Iterator<Item = (HalfedgeId, u32, u32)> + '_ {
         (0..self.faces.len()).flat_map(|k| self.face_halfedges(k))
+    }
+
+    /// Boundary edges, loop after loop: halfedge, local tail and head.
+    pub fn boundary_edges(&self) -> impl Iterator<Item = (HalfedgeId, u32, u32)> + '_ {
+        self.loops.iter().flat_map(|path| {
+            let n = path.len();
+            (0..n).map(move |i| (path[i].0, path[i].1, path[(i + 1) % n].1))
+        })
+    }
+
+    /// The longest step along `moves` that no triangle collapses on, with a margin; infinite where none does.
+    pub fn longest_step(&self, uv: &[Vec2], moves: &[Vec2]) -> f64 {
+        let mut longest = f64::INFINITY;
+        for &[a, b, c] in &self.corners {
+            let side = |at: &[Vec2], v: u32| at[v as usize] - at[a as usize];
+            let (p, q, dp, dq) = (side(uv, b), side(uv, c), side(moves, b), side(moves, c));
+            let cross = crate::geom::cross2;
+            // Area along the step: area + linear t + square t².
+            let (area, linear, square) = (cross(p, q), cross(p, dq) + cross(dp, q), cross(dp, dq));
+            let discriminant = linear * linear - 4.0 * square * area;
+            if discriminant < 0.0 || area <= 0.0 {
+                continue;
+            }
+            // The least positive root, without cancellation.
+            let k = -0.5 * (linear + discriminant.sqrt().copysign(linear));
+            for root in [k / square, area / k] {
+                if root > 0.0 {
+                    longest = longest.min(TOWARDS_COLLAPSE * root);
+                }
+            }
+        }
+        longest
     }
 
     /// V − E + F.

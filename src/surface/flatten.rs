@@ -14,7 +14,7 @@ use crate::{
     numeric::sparse::{Analysis, Cholesky, SparseError, SymmetricMatrix},
 };
 
-const NONE: u32 = u32::MAX;
+pub(super) const NONE: u32 = u32::MAX;
 /// Least weight of an edge, as a share of the mean |weight|, when the true weights cannot be factored.
 const CLAMPED_WEIGHT: f64 = 1e-6;
 
@@ -44,6 +44,47 @@ pub enum FlattenError {
         vertex: VertexId,
         /// Their distance, mm.
         gap: f64,
+    },
+    /// Exterior angles that no closed curve has.
+    #[error(
+        "the exterior angles and cones asked for on the piece around face {face} sum to {given:.6} rad, but {needed:.6} are needed (Gauss–Bonnet): {:+.6} are missing",
+        needed - given
+    )]
+    GaussBonnet {
+        /// First face of the piece.
+        face: FaceId,
+        /// Their sum, radians.
+        given: f64,
+        /// 2π times the Euler characteristic.
+        needed: f64,
+    },
+    /// The exterior angles asked for leave no curve of about the lengths asked for that closes.
+    #[error(
+        "no closed curve has the exterior angles and lengths asked for: the edge at vertex {vertex} would have to be {share:.3} times as long"
+    )]
+    NoCurve {
+        /// The vertex that it leaves.
+        vertex: VertexId,
+        /// Its length over the one asked for; not positive.
+        share: f64,
+    },
+    /// Too few corners for straight sides.
+    #[error(
+        "the piece around face {face} has {found} corners, and straight sides need 3: lower flatten.corner or use flatten.outline = \"isometric\""
+    )]
+    TooFewCorners {
+        /// First face of the piece.
+        face: FaceId,
+        /// Corners found.
+        found: usize,
+    },
+    /// A cone that no slit leads to.
+    #[error("the cone of {curvature:.4} rad at vertex {vertex} is not opened: no slit leads to it")]
+    ClosedCone {
+        /// Where.
+        vertex: VertexId,
+        /// Its curvature, radians.
+        curvature: f64,
     },
     /// The Laplacian could not be factored even with clamped weights.
     #[error("the Laplacian of the piece around face {face} cannot be factored near vertex {vertex}: {source}")]
@@ -119,14 +160,16 @@ impl InteriorLaplacian {
 /// The interior Laplacian of a chart, factored, and the log factors that follow from the isometric boundary.
 #[derive(Debug)]
 pub struct Flattener<'a> {
-    chart: &'a Chart,
-    metric: &'a Metric,
+    pub(super) chart: &'a Chart,
+    pub(super) metric: &'a Metric,
     /// Row of each interior vertex; `NONE` on the boundary.
-    row: Vec<u32>,
+    pub(super) row: Vec<u32>,
     /// The interior vertices.
-    interior: Vec<u32>,
-    factor: Cholesky,
+    pub(super) interior: Vec<u32>,
+    pub(super) factor: Cholesky,
     clamp: f64,
+    /// Sum of the corner angles at each local vertex.
+    pub(super) angle_sum: Vec<f64>,
     log_factor: Vec<f64>,
 }
 
@@ -157,9 +200,9 @@ impl<'a> Flattener<'a> {
             }
         };
         let InteriorLaplacian { row, interior, .. } = laplacian;
-        let mut out = Self { chart, metric, row, interior, factor, clamp, log_factor: vec![0.0; chart.vertex_count()] };
-        let sums = angle_sums(metric, chart);
-        let mut u: Vec<f64> = out.interior.iter().map(|&v| sums[v as usize] - std::f64::consts::TAU).collect();
+        let (angle_sum, log_factor) = (angle_sums(metric, chart), vec![0.0; chart.vertex_count()]);
+        let mut u: Vec<f64> = interior.iter().map(|&v| angle_sum[v as usize] - std::f64::consts::TAU).collect();
+        let mut out = Self { chart, metric, row, interior, factor, clamp, angle_sum, log_factor };
         out.factor.solve_in_place(&mut u);
         for (&v, u) in out.interior.iter().zip(u) {
             out.log_factor[v as usize] = u;
@@ -172,71 +215,66 @@ impl<'a> Flattener<'a> {
         &self.log_factor
     }
 
-    /// Exterior angles of the flat boundary, k̃ = k + (A u)_B, per local vertex (0 in the interior). On a disk they sum
-    /// to 2π.
+    /// Exterior angles of the flat boundary with the isometric boundary, k̃ = k + (A u)_B, per local vertex (0 in the
+    /// interior). On a disk they sum to 2π.
     pub fn exterior_angles(&self) -> Vec<f64> {
-        let sums = angle_sums(self.metric, self.chart);
+        self.exterior_angles_of(&self.log_factor)
+    }
+
+    pub(super) fn exterior_angles_of(&self, log_factor: &[f64]) -> Vec<f64> {
         let mut out: Vec<f64> = (0..self.chart.vertex_count())
-            .map(|v| if self.chart.on_boundary[v] { std::f64::consts::PI - sums[v] } else { 0.0 })
+            .map(|v| if self.chart.on_boundary[v] { std::f64::consts::PI - self.angle_sum[v] } else { 0.0 })
             .collect();
-        for (h, i, j) in self.chart.halfedges() {
-            let flux = self.weight(h) * (self.log_factor[i as usize] - self.log_factor[j as usize]);
+        self.add_flux(self.chart, log_factor, &mut out);
+        out
+    }
+
+    /// The same in a chart of the same faces that may be opened further.
+    pub(super) fn exterior_angles_in(&self, chart: &Chart, log_factor: &[f64]) -> Vec<f64> {
+        let sums = angle_sums(self.metric, chart);
+        let angle = |v: usize| if chart.on_boundary[v] { std::f64::consts::PI - sums[v] } else { 0.0 };
+        let mut out: Vec<f64> = (0..chart.vertex_count()).map(angle).collect();
+        self.add_flux(chart, log_factor, &mut out);
+        out
+    }
+
+    /// Adds (A x)_B.
+    pub(super) fn add_flux(&self, chart: &Chart, x: &[f64], out: &mut [f64]) {
+        for (h, i, j) in chart.halfedges() {
+            let flux = self.weight(h) * (x[i as usize] - x[j as usize]);
             for (v, sign) in [(i, 1.0), (j, -1.0)] {
-                if self.chart.on_boundary[v as usize] {
+                if chart.on_boundary[v as usize] {
                     out[v as usize] += sign * flux;
                 }
             }
         }
-        out
     }
 
-    /// Plane coordinates per local vertex, mm: the best-fit closed curve with the new exterior angles (lengths changed
-    /// least in the sense of Σ (l̃ − l)² / l, section 5.3), then both coordinates extended harmonically.
+    /// Plane coordinates per local vertex with the isometric boundary, mm: the best-fit closed curve with the new exterior
+    /// angles (lengths changed least in the sense of Σ (l̃ − l)² / l, section 5.3), then both coordinates extended
+    /// harmonically.
     pub fn flatten(&self) -> Result<Vec<Vec2>, FlattenError> {
-        if !self.chart.is_disk() {
-            return Err(FlattenError::NotADisk {
-                face: self.chart.faces[0],
-                loops: self.chart.loops.len(),
-                euler: self.chart.euler_characteristic(),
-            });
-        }
-        let mut uv = self.boundary_curve();
+        self.refuse_unless_disk(self.chart)?;
+        let exterior = self.exterior_angles();
+        let path = &self.chart.loops[0];
+        let corners: Vec<(u32, f64)> = path.iter().map(|&(_, v)| (v, exterior[v as usize])).collect();
+        let lengths: Vec<f64> = path.iter().map(|&(h, _)| self.metric.length[h]).collect();
+        let groups: Vec<usize> = (0..path.len()).collect();
+        let mut uv = self.closed_curve(self.chart, &corners, &lengths, &groups)?;
         self.extend(&mut uv);
         Ok(uv)
     }
 
-    /// The flat boundary; the interior is left at 0.
-    pub fn boundary_curve(&self) -> Vec<Vec2> {
-        let exterior = self.exterior_angles();
-        let path = &self.chart.loops[0];
-        let mut angle = 0.0;
-        let tangents: Vec<Vec2> = path
-            .iter()
-            .map(|&(_, v)| {
-                angle += exterior[v as usize];
-                Vec2::new(f64::cos(angle), f64::sin(angle))
-            })
-            .collect();
-        let lengths: Vec<f64> = path.iter().map(|&(h, _)| self.metric.length[h]).collect();
-        // l̃ = l − diag(l) Tᵀ (T diag(l) Tᵀ)⁻¹ T l, T the 2 × B matrix of tangents.
-        let mut gap = Vec2::zeros();
-        let mut gram = nalgebra::Matrix2::zeros();
-        for (t, &l) in tangents.iter().zip(&lengths) {
-            gap += t * l;
-            gram += t * t.transpose() * l;
+    pub(super) fn refuse_unless_disk(&self, chart: &Chart) -> Result<(), FlattenError> {
+        if chart.is_disk() {
+            return Ok(());
         }
-        let correction = gram.try_inverse().map_or(Vec2::zeros(), |inverse| inverse * gap);
-        let mut uv = vec![Vec2::zeros(); self.chart.vertex_count()];
-        let mut at = Vec2::zeros();
-        for ((&(_, v), t), l) in path.iter().zip(&tangents).zip(&lengths) {
-            uv[v as usize] = at;
-            at += t * (l * (1.0 - t.dot(&correction)));
-        }
-        uv
+        let (loops, euler) = (chart.loops.len(), chart.euler_characteristic());
+        Err(FlattenError::NotADisk { face: chart.faces[0], loops, euler })
     }
 
     /// Extends the boundary values of `uv` harmonically: A_II x_I = −A_IB x_B for both coordinates.
-    fn extend(&self, uv: &mut [Vec2]) {
+    pub(super) fn extend(&self, uv: &mut [Vec2]) {
         let n = self.interior.len();
         let mut columns = vec![0.0; 2 * n];
         for (h, i, j) in self.chart.halfedges() {
@@ -255,7 +293,7 @@ impl<'a> Flattener<'a> {
         }
     }
 
-    fn weight(&self, h: HalfedgeId) -> f64 {
+    pub(super) fn weight(&self, h: HalfedgeId) -> f64 {
         weight(self.metric, h).max(self.clamp)
     }
 }
@@ -329,8 +367,18 @@ impl Limit {
 }
 
 /// A layout polished to `limit` and measured.
-pub fn polished(metric: &Metric, chart: &Chart, mut uv: Vec<Vec2>, limit: Limit) -> FlatDomain {
-    let excess = Isometry::new(metric, chart).polish(&mut uv, limit.stretch, limit.allowed);
+pub fn polished(metric: &Metric, chart: &Chart, uv: Vec<Vec2>, limit: Limit) -> FlatDomain {
+    polished_as(metric, chart, &Isometry::new(metric, chart), uv, limit)
+}
+
+/// The same with the boundary lengths that `isometry` asks for.
+pub fn polished_as(metric: &Metric, chart: &Chart, isometry: &Isometry, mut uv: Vec<Vec2>, limit: Limit) -> FlatDomain {
+    let excess = isometry.polish(&mut uv, limit.stretch, limit.allowed);
+    measured(metric, chart, uv, excess)
+}
+
+/// A layout as it is, measured; `excess` says how far it is from its limit.
+pub fn measured(metric: &Metric, chart: &Chart, uv: Vec<Vec2>, excess: Excess) -> FlatDomain {
     let n = chart.vertex_count();
     let (mut interior_angle, mut log_factor, mut areas) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     for (&f, corners) in chart.faces.iter().zip(&chart.corners) {

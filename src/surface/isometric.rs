@@ -11,7 +11,7 @@ use crate::{
     geom::Vec2,
     numeric::{
         dissection::nested_dissection,
-        sparse::{Analysis, SymmetricMatrix},
+        sparse::{Analysis, Cholesky, SymmetricMatrix},
     },
 };
 
@@ -28,8 +28,6 @@ const TOO_FAR: f64 = 250.0;
 const BOUNDARY_SHARE: f64 = 0.2;
 /// … but not by more than this: two sides of a seam then differ by less than 0.2 %.
 const BOUNDARY_LIMIT: f64 = 5e-4;
-/// A flat triangle may lose this share of its distance to collapse in one step.
-const TOWARDS_COLLAPSE: f64 = 0.8;
 
 /// Linear map of one triangle: gradients of its hat functions in space, in a frame of its own.
 type Gradients = [Vec2; 3];
@@ -58,10 +56,12 @@ pub struct Isometry<'a> {
     chart: &'a Chart,
     gradients: Vec<Gradients>,
     total_area: f64,
+    /// Boundary edges: tail, head, length that they should have.
+    rim: Vec<(u32, u32, f64)>,
 }
 
 impl<'a> Isometry<'a> {
-    /// For one chart.
+    /// For one chart; boundary edges should keep their length.
     pub fn new(metric: &'a Metric, chart: &'a Chart) -> Self {
         let gradients = (0..chart.faces.len())
             .map(|k| {
@@ -75,7 +75,31 @@ impl<'a> Isometry<'a> {
             })
             .collect();
         let total_area = chart.faces.iter().map(|&f| metric.area[f]).sum();
-        Self { metric, chart, gradients, total_area }
+        let rim = chart.boundary_edges().map(|(h, i, j)| (i, j, metric.length[h])).collect();
+        Self { metric, chart, gradients, total_area, rim }
+    }
+
+    /// The same where boundary edges should have other lengths, mm, loop after loop.
+    pub fn with_boundary_lengths(mut self, lengths: &[f64]) -> Self {
+        self.rim.iter_mut().zip(lengths).for_each(|(edge, &length)| edge.2 = length);
+        self
+    }
+
+    /// Area of the chart in space, mm².
+    pub fn total_area(&self) -> f64 {
+        self.total_area
+    }
+
+    /// The factor of the second derivatives (without their negative parts) of the stretch of a layout for the limit
+    /// `stretch`, over the area of the chart: x and y of every local vertex. `None` where a triangle is flipped.
+    pub fn stiffness(&self, uv: &[Vec2], stretch: f64) -> Option<Cholesky> {
+        if self.excess(uv, stretch).flipped > 0 {
+            return None;
+        }
+        let mut newton = Newton::new(self, uv, stretch)?;
+        newton.linearise(uv);
+        newton.fix_rigid_motions();
+        newton.analysis.factor(&newton.matrix).ok()
     }
 
     fn area(&self, k: usize) -> f64 {
@@ -116,18 +140,11 @@ impl<'a> Isometry<'a> {
                 out.flipped += usize::from(principal.is_infinite());
             }
         }
-        for (h, i, j) in self.boundary() {
-            let ratio = (uv[j as usize] - uv[i as usize]).norm() / self.metric.length[h];
+        for &(i, j, length) in &self.rim {
+            let ratio = (uv[j as usize] - uv[i as usize]).norm() / length;
             out.boundary = out.boundary.max(ratio.ln().abs());
         }
         out
-    }
-
-    fn boundary(&self) -> impl Iterator<Item = (crate::mesh::HalfedgeId, u32, u32)> + '_ {
-        self.chart.loops.iter().flat_map(|path| {
-            let n = path.len();
-            (0..n).map(move |i| (path[i].0, path[i].1, path[(i + 1) % n].1))
-        })
     }
 
     /// Changes `uv` until at most a share `allowed` of the area exceeds the limit `stretch`, or as far as it goes.
@@ -228,13 +245,8 @@ impl<'a> Newton<'a> {
         }
         // The width of a strip along the boundary whose stretch weighs as much as that of its edge.
         let width = (isometry.total_area / chart.faces.len() as f64).sqrt();
-        let edges: Vec<(u32, u32, f64, f64)> = isometry
-            .boundary()
-            .map(|(h, i, j)| {
-                let length = isometry.metric.length[h];
-                (i, j, length, length * width / isometry.total_area)
-            })
-            .collect();
+        let edges: Vec<(u32, u32, f64, f64)> =
+            isometry.rim.iter().map(|&(i, j, length)| (i, j, length, length * width / isometry.total_area)).collect();
         for &(i, j, ..) in &edges {
             lower(&unknowns::<4>(&[i, j]), &mut pairs);
         }
@@ -275,12 +287,7 @@ impl<'a> Newton<'a> {
     /// One step; whether it got anywhere.
     fn step(&mut self, uv: &mut Vec<Vec2>) -> bool {
         let gradient = self.linearise(uv);
-        // Rigid motions are free: a little weight on every unknown fixes them without changing the step.
-        let diagonal = self.matrix.diagonal();
-        let mean = diagonal.iter().sum::<f64>() / diagonal.len() as f64;
-        for i in 0..diagonal.len() {
-            self.matrix.add_to_diagonal(i, 1e-9 * mean + 1e-9 * diagonal[i]);
-        }
+        self.fix_rigid_motions();
         let mut direction: Vec<f64> = gradient.iter().map(|it| -it).collect();
         match self.analysis.factor(&self.matrix) {
             Ok(factor) => factor.solve_in_place(&mut direction),
@@ -292,7 +299,7 @@ impl<'a> Newton<'a> {
             return false;
         }
         let moves: Vec<Vec2> = direction.chunks_exact(2).map(|it| Vec2::new(it[0], it[1])).collect();
-        let mut length = self.longest_step(uv, &moves).min(1.0);
+        let mut length = self.isometry.chart.longest_step(uv, &moves).min(1.0);
         for _ in 0..12 {
             let tried: Vec<Vec2> = uv.iter().zip(&moves).map(|(p, d)| p + d * length).collect();
             if self.energy(&tried) <= energy + 1e-4 * length * slope {
@@ -304,28 +311,13 @@ impl<'a> Newton<'a> {
         false
     }
 
-    /// The longest step along `moves` that no triangle collapses on, with a margin.
-    fn longest_step(&self, uv: &[Vec2], moves: &[Vec2]) -> f64 {
-        let mut longest = f64::INFINITY;
-        for &[a, b, c] in &self.isometry.chart.corners {
-            let side = |at: &[Vec2], v: u32| at[v as usize] - at[a as usize];
-            let (p, q, dp, dq) = (side(uv, b), side(uv, c), side(moves, b), side(moves, c));
-            let cross = crate::geom::cross2;
-            // Area along the step: area + linear t + square t².
-            let (area, linear, square) = (cross(p, q), cross(p, dq) + cross(dp, q), cross(dp, dq));
-            let discriminant = linear * linear - 4.0 * square * area;
-            if discriminant < 0.0 || area <= 0.0 {
-                continue;
-            }
-            // The least positive root, without cancellation.
-            let k = -0.5 * (linear + discriminant.sqrt().copysign(linear));
-            for root in [k / square, area / k] {
-                if root > 0.0 {
-                    longest = longest.min(TOWARDS_COLLAPSE * root);
-                }
-            }
+    /// Rigid motions are free: a little weight on every unknown fixes them without changing the step.
+    fn fix_rigid_motions(&mut self) {
+        let diagonal = self.matrix.diagonal();
+        let mean = diagonal.iter().sum::<f64>() / diagonal.len() as f64;
+        for i in 0..diagonal.len() {
+            self.matrix.add_to_diagonal(i, 1e-9 * mean + 1e-9 * diagonal[i]);
         }
-        longest
     }
 
     /// Sets the matrix to the Hessian without its negative parts; the gradient.

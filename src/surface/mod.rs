@@ -1,6 +1,7 @@
 //! Algorithms on surfaces that several stages share: edge collapse, charts, flattening, cut graphs, opening, directions of
 //! rulings, subdivision.
 
+pub mod boundary_first;
 pub mod chart;
 pub mod collapse;
 pub mod cut_graph;
@@ -13,6 +14,7 @@ pub mod opening;
 pub mod overlap;
 pub mod paths;
 pub mod rulings;
+pub mod seam_fit;
 mod subdivide;
 
 pub use subdivide::subdivide;

@@ -356,3 +356,50 @@ fn complain(name: &str, job: &Path, args: &[&str], code: i32, wanted: &[&str]) {
     assert_eq!(stderr.matches("error: ").count(), 1, "{name}: one message, not {stderr}");
     assert!(result.stdout.is_empty(), "{name}");
 }
+
+#[test]
+fn seams_drawn_on_the_input_are_followed_and_bad_ones_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| {
+        let path = dir.path().join(name);
+        fs::write(&path, text).unwrap();
+        path.display().to_string()
+    };
+    // An open tube, its first three sides of another material.
+    let mut tube = String::new();
+    for k in 0..12 * 7 {
+        let (t, y) = (std::f64::consts::TAU * f64::from(k % 12) / 12.0, 20.0 * f64::from(k / 12));
+        tube += &format!("v {} {y} {}\n", 30.0 * t.cos(), 30.0 * t.sin());
+    }
+    for k in 0..12 * 6 {
+        let (a, b) = (k + 1, k / 12 * 12 + (k + 1) % 12 + 1);
+        let paint = if k % 12 < 3 { "front" } else { "back" };
+        tube += &format!("usemtl {paint}\nf {a} {} {}\nf {a} {} {b}\n", a + 12, b + 12, b + 12);
+    }
+    write("tube.obj", &tube);
+    write("lines.obj", "v -30 0 0\nv -30 120 0\nl 1 2\n");
+    let config = |name: &str, cut: &str| {
+        let head = "version = 1\n[input]\nmesh = \"tube.obj\"\nunits = \"mm\"\n[develop]\nlevels = 0\nrounds = 1\n";
+        write(name, &format!("{head}iterations = 3\n[coarsen]\nmethod = \"off\"\n[cut]\nfit_sheet = false\n{cut}"))
+    };
+    let good = config("good.toml", "seams = \"lines.obj\"\n[[cut.avoid]]\npaint = \"front\"\n");
+    let report = job(&dir.path().join("out"), &[&good, "--to", "cut"]);
+    let drawn = &report["cut"]["drawn_seams"];
+    let length = drawn["length_mm"].as_f64().unwrap();
+    assert!((length - 120.0).abs() < 3.0, "{length}");
+    assert!(drawn["max_distance_mm"].as_f64().unwrap() < 2.0);
+    assert!((report["cut"]["seam_length_mm"].as_f64().unwrap() - length).abs() < 1e-6, "one seam, the drawn one");
+    let checks = report["checks"].as_array().unwrap();
+    assert!(checks.iter().any(|it| it["name"] == "cut.drawn_seams" && it["ok"] == true));
+    for (keys, expected) in [
+        ("seams = \"tube.obj\"\n", "holds no lines"),
+        ("seam_vertices = [[0, 84]]\n", "vertex 84 of cut.seam_vertices"),
+        ("[[cut.prefer]]\npaint = \"side\"\n", "there are back, front"),
+        ("[[cut.avoid]]\nfaces = [144]\n", "no face 144"),
+        ("[[cut.prefer]]\nshare = 0.1\n", "need exactly one of"),
+    ] {
+        let result = fabricate(&["run", &config("bad.toml", keys), "--quiet"]);
+        let stderr = String::from_utf8_lossy(&result.stderr);
+        assert!(result.status.code() == Some(2) && stderr.contains(expected), "{stderr}");
+    }
+}

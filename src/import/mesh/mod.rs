@@ -3,6 +3,7 @@
 //! A reader promises no more than a `Soup` does, except that every index is in range: whether the triangles are a surface
 //! is for `mesh::repair` to say. Polygons are triangulated here. Ids in messages count from 0, lines from 1.
 
+mod drawn;
 mod obj;
 mod off;
 mod ply;
@@ -14,6 +15,8 @@ use std::{
     fmt, fs, io,
     path::{Path, PathBuf},
 };
+
+pub use drawn::{Drawn, NamedFace, read_drawn};
 
 use crate::{geom::Vec3, mesh::Soup};
 

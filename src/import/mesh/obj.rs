@@ -53,9 +53,15 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Soup, Malformed> {
 
 fn gather(text: &str) -> Result<Script, Malformed> {
     let mut script = Script::default();
+    logical_lines(text).into_iter().try_for_each(|(line, text)| add_line(&mut script, line, &text))?;
+    Ok(script)
+}
+
+/// Lines without comments, those that end with a backslash joined to the next, each with the number of its last one.
+pub(super) fn logical_lines(text: &str) -> Vec<(usize, String)> {
+    let mut out = Vec::new();
     let mut joined = String::new();
     for (at, raw) in text.lines().enumerate() {
-        let line = at + 1;
         let raw = raw.split('#').next().unwrap_or_default().trim_end();
         if let Some(head) = raw.strip_suffix('\\') {
             joined.push_str(head);
@@ -63,11 +69,10 @@ fn gather(text: &str) -> Result<Script, Malformed> {
             continue;
         }
         joined.push_str(raw);
-        add_line(&mut script, line, &joined)?;
-        joined.clear();
+        out.push((at + 1, std::mem::take(&mut joined)));
     }
-    add_line(&mut script, text.lines().count(), &joined)?;
-    Ok(script)
+    out.push((text.lines().count(), joined));
+    out
 }
 
 fn add_line(script: &mut Script, line: usize, text: &str) -> Result<(), Malformed> {

@@ -65,7 +65,7 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// Takes pieces out and glues all seams inside them and between them.
+    /// Takes pieces out and glues all seams inside them and between them that the user did not ask for.
     pub(super) fn lift(&mut self, ids: Vec<u32>) -> Lifted {
         let first = self.pieces.len() as u32;
         let take = |id: u32| (id, self.pieces[id as usize].take().expect("every face lies in a piece that lives"));
@@ -74,7 +74,7 @@ impl Search<'_> {
         faces.sort_unstable();
         let inner = self.inner_edges(&faces);
         let seams: Vec<EdgeId> = inner.iter().copied().filter(|&e| self.cut[e]).collect();
-        for &e in &seams {
+        for &e in seams.iter().filter(|&&e| !self.kept[e]) {
             self.cut[e] = false;
         }
         Lifted { first, pieces, faces, inner, seams }
@@ -92,10 +92,10 @@ impl Search<'_> {
         }
     }
 
-    /// Of the edges `inner` cuts just `seams`.
+    /// Of the edges `inner` cuts just `seams`, and those that the user asked for.
     pub(super) fn set_cut(&mut self, inner: &[EdgeId], seams: &[EdgeId]) {
         for &e in inner {
-            self.cut[e] = false;
+            self.cut[e] = self.kept[e];
         }
         for &e in seams {
             self.cut[e] = true;

@@ -72,7 +72,8 @@ impl Search<'_> {
             if let Some(&before) = run.last() {
                 let [a, b] = self.mesh.edge_vertices(e);
                 let shared = if self.mesh.edge_vertices(before).contains(&a) { a } else { b };
-                if self.must_cut[shared] || self.mesh.is_boundary_vertex(shared) {
+                let end = self.kept[e] != self.kept[before];
+                if end || self.must_cut[shared] || self.mesh.is_boundary_vertex(shared) {
                     whole.push(std::mem::take(&mut run));
                 }
             }
@@ -126,7 +127,7 @@ impl Search<'_> {
     }
 
     fn try_glue(&mut self, run: &[EdgeId]) -> Result<bool, CutError> {
-        if run.iter().any(|&e| !self.cut[e] || self.mesh.is_boundary_edge(e)) {
+        if run.iter().any(|&e| !self.cut[e] || self.kept[e] || self.mesh.is_boundary_edge(e)) {
             return Ok(false);
         }
         let [p, q] = self.sides(run[0]);

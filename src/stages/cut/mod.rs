@@ -6,6 +6,7 @@
 //! largest, along creases; what is near the limit is laid flat and polished as it will be in the end. Pieces that overlap themselves or fit on no sheet are divided; then whatever can be glued again within the limit is glued, and single
 //! pieces and pairs of them are cut anew as long as that makes the seams shorter.
 mod divide;
+mod guide;
 mod improve;
 mod join;
 mod obstacle;
@@ -16,11 +17,12 @@ mod sheet;
 mod small;
 pub mod stage;
 
+pub use guide::{Traced, left_uncut, painted, trace};
 pub use obstacle::{Obstacle, obstacle};
 
 use crate::{
     geom::Vec3,
-    mesh::{EdgeId, Field, Id, MeshError, TriMesh},
+    mesh::{EdgeId, FaceId, Field, Id, MeshError, TriMesh},
     model::{CutMesh, DevelopableMesh, Piece, PieceId, Seam},
     numeric::{Cancelled, Monitor},
     surface::{flatten::FlattenError, opening},
@@ -33,6 +35,17 @@ pub struct Side {
     pub towards: Vec3,
     /// Share of the extent, 0 to 1.
     pub share: f64,
+}
+
+/// A part of the surface that seams are led to or kept off.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Region {
+    /// A side.
+    Side(Side),
+    /// What lies about the middle plane across a direction: within `share` of the extent.
+    Middle(Side),
+    /// Faces of the mesh that is cut, ascending: the edges between them.
+    Faces(Vec<FaceId>),
 }
 
 /// What to keep to.
@@ -53,10 +66,12 @@ pub struct Options {
     pub halvings: u32,
     /// Area under which a piece is of no use, mm².
     pub min_area: f64,
-    /// Sides that seams are led to where that costs little.
-    pub prefer: Vec<Side>,
-    /// Sides that seams are kept off where that costs little.
-    pub avoid: Vec<Side>,
+    /// Parts that seams are led to where that costs little.
+    pub prefer: Vec<Region>,
+    /// Parts that seams are kept off where that costs little.
+    pub avoid: Vec<Region>,
+    /// Edges that are seams whatever it costs, ascending.
+    pub seams: Vec<EdgeId>,
     /// Width and height that a flat piece must fit into in some rotation, mm; `None`: any size.
     pub sheet: Option<[f64; 2]>,
 }

@@ -1,5 +1,5 @@
 //! The search for cuts: what is cut so far, the pieces that makes, and how they get better.
-use super::{CutError, Options, divide::dividing_path, join::Failures, piece::Piece, relieve::relieving_cuts};
+use super::{CutError, Options, Region, divide::dividing_path, join::Failures, piece::Piece, relieve::relieving_cuts};
 use crate::{
     mesh::{EdgeId, FaceId, Field, TriMesh, VertexId, operators::angle_defects},
     numeric::Monitor,
@@ -48,6 +48,8 @@ pub(super) struct Search<'a> {
     /// Faces of all pieces judged so far: the effort spent.
     pub(super) judged: usize,
     pub(super) must_cut: Field<VertexId, bool>,
+    /// Edges that the user wants cut.
+    pub(super) kept: Field<EdgeId, bool>,
     pub(super) builder: ChartBuilder<'a>,
     pub(super) options: &'a Options,
     pub(super) monitor: &'a Monitor<'a>,
@@ -81,6 +83,8 @@ pub(super) fn search(
     let must_cut = must_cut(mesh, &metric, &curvature, CERTAIN * options.stretch);
     let terminals: Vec<VertexId> = mesh.vertices().filter(|&v| must_cut[v] || is_terminal(v)).collect();
     let toll = tolls(mesh, options);
+    let mut kept = Field::filled(mesh.edge_count(), false);
+    options.seams.iter().for_each(|&e| kept[e] = true);
     let mut best = Search {
         mesh,
         weight: seam_weight(mesh, &toll, &curvature, ATTRACTIONS[0]),
@@ -94,7 +98,8 @@ pub(super) fn search(
         builder: ChartBuilder::new(mesh),
         options,
         monitor,
-        cut: Field::filled(mesh.edge_count(), false),
+        cut: kept.clone(),
+        kept,
         pieces: Vec::new(),
         glued_into: Vec::new(),
         failures: Failures::default(),
@@ -127,18 +132,34 @@ pub(super) fn search(
 fn tolls(mesh: &TriMesh, options: &Options) -> Field<EdgeId, f64> {
     let mut out = Field::from_fn(mesh.edge_count(), |e| mesh.edge_length(e));
     let preferred = options.prefer.iter().map(|it| (it, PREFERRED));
-    for (side, factor) in preferred.chain(options.avoid.iter().map(|it| (it, AVOIDED))) {
-        let heights = mesh.positions().iter().map(|p| p.dot(&side.towards));
-        let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), it| (a.min(it), b.max(it)));
-        let from = high - side.share * (high - low);
-        for e in mesh.edges() {
-            let [a, b] = mesh.edge_vertices(e).map(|v| mesh.position(v).dot(&side.towards));
-            if a + b >= 2.0 * from {
-                out[e] *= factor;
-            }
-        }
+    for (region, factor) in preferred.chain(options.avoid.iter().map(|it| (it, AVOIDED))) {
+        let inside = membership(mesh, region);
+        mesh.edges().filter(|&e| inside(e)).for_each(|e| out[e] *= factor);
     }
     out
+}
+
+/// Whether an edge belongs to a region.
+fn membership<'r>(mesh: &'r TriMesh, region: &'r Region) -> Box<dyn Fn(EdgeId) -> bool + 'r> {
+    let (side, middle) = match region {
+        Region::Faces(faces) => {
+            return Box::new(|e| {
+                let h = mesh.halfedge(e);
+                let sides = [Some(h), mesh.twin(h)];
+                sides.into_iter().flatten().all(|h| faces.binary_search(&mesh.face(h)).is_ok())
+            });
+        }
+        Region::Side(side) => (side, false),
+        Region::Middle(side) => (side, true),
+    };
+    let heights = mesh.positions().iter().map(|p| p.dot(&side.towards));
+    let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), it| (a.min(it), b.max(it)));
+    let from = high - side.share * (high - low);
+    let (centre, half) = (0.5 * (low + high), 0.5 * side.share * (high - low));
+    Box::new(move |e| {
+        let [a, b] = mesh.edge_vertices(e).map(|v| mesh.position(v).dot(&side.towards));
+        if middle { (0.5 * (a + b) - centre).abs() <= half } else { a + b >= 2.0 * from }
+    })
 }
 
 /// Toll / (1 + a S), a the `attraction`, with S = min(1, dihedral / 0.5) + min(1, (|K_a| + |K_b|) / 0.2): seams run along creases and
@@ -233,7 +254,8 @@ impl Search<'_> {
 
     /// Slits whose sides coincide in the plane serve no purpose: glued, if the piece is good without them; else as it was.
     fn without_closed_slits(&mut self, piece: Piece) -> Result<Piece, CutError> {
-        let slits = piece.closed_slits(self.mesh, self.options.clearance);
+        let mut slits = piece.closed_slits(self.mesh, self.options.clearance);
+        slits.retain(|&e| !self.kept[e]);
         if slits.is_empty() {
             return Ok(piece);
         }

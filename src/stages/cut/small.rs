@@ -87,7 +87,7 @@ impl Search<'_> {
                     let [a, b] = sides.map(|it| it.is_some_and(within));
                     // Slits stay, but not the seam that there was between the two.
                     let [p, q] = sides.map(|it| it.map(|f| self.piece_of[f]));
-                    a != b || (p == q && lifted.seams.binary_search(&e).is_ok())
+                    a != b || self.kept[e] || (p == q && lifted.seams.binary_search(&e).is_ok())
                 })
                 .collect();
             ways.push((self.length(&seams) - before, large, seams));

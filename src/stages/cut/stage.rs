@@ -2,15 +2,16 @@
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::{CutError, Options, Side, cut, obstacle};
+use super::{CutError, Options, Region, Side, cut, left_uncut, obstacle, painted, trace};
 use crate::{
     geom::Vec3,
-    mesh::TriMesh,
-    model::{CutMesh, DevelopableMesh},
-    profile::{Length, Profiles},
-    stage::{Check, Cx, KeyError, Section, Stage},
+    mesh::{Bvh, EdgeId, TriMesh},
+    model::{CutMesh, DevelopableMesh, Guides, SourceMesh},
+    profile::{Extent, Length, Profiles},
+    stage::{Check, Cx, Inputs, KeyError, Section, Stage},
     surface::offset::offset,
 };
+use std::path::PathBuf;
 
 /// Where the surface is cut.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -29,10 +30,17 @@ pub struct CutStage {
     pub min_piece: Option<Length>,
     /// More pieces than this are a failed check.
     pub max_pieces: Option<usize>,
-    /// Sides of the model that seams are led to where that costs little.
-    pub prefer: Vec<SideTable>,
-    /// Sides of the model that seams are kept off where that costs little.
-    pub avoid: Vec<SideTable>,
+    /// Parts of the model that seams are led to where that costs little.
+    pub prefer: Vec<RegionTable>,
+    /// Parts of the model that seams are kept off where that costs little.
+    pub avoid: Vec<RegionTable>,
+    /// OBJ file with lines (`l` elements) in the coordinates of the input, along which there must be a seam; read with the
+    /// input.
+    pub seams: Option<PathBuf>,
+    /// Chains of vertices of the input file, counted from 0, along which there must be a seam.
+    pub seam_vertices: Vec<Vec<u32>>,
+    /// Points of drawn seams farther from the developed surface than this are a failed check.
+    pub seam_tolerance: Extent,
     /// Whether pieces that fit on no sheet are divided.
     pub fit_sheet: bool,
 }
@@ -48,37 +56,58 @@ impl Default for CutStage {
             max_pieces: None,
             prefer: Vec::new(),
             avoid: Vec::new(),
+            seams: None,
+            seam_vertices: Vec::new(),
+            seam_tolerance: Extent::Percent(2.0),
             fit_sheet: true,
         }
     }
 }
 
-/// One of `[[cut.prefer]]` or `[[cut.avoid]]`: what lies within a share of the model's extent of its end in a direction.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SideTable {
-    /// The direction in the coordinates of the input.
-    pub towards: [f64; 3],
-    /// Share of the extent in that direction.
-    #[serde(default = "half")]
-    pub share: f64,
+/// One of `[[cut.prefer]]` or `[[cut.avoid]]`, by exactly one of its first four keys.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RegionTable {
+    /// What lies within `share` of the extent of where the model ends in this direction of the input.
+    pub towards: Option<[f64; 3]>,
+    /// What lies about the middle plane across this direction of the input, `share` of the extent thick: lines of symmetry.
+    pub middle: Option<[f64; 3]>,
+    /// The faces of this group, material or object of the input, an OBJ file.
+    pub paint: Option<String>,
+    /// These faces of the input, counted from 0 in the order of the file.
+    pub faces: Option<Vec<u32>>,
+    /// Share of the extent of the model in a direction: 0.5 for `towards`, 0.04 for `middle` when absent.
+    pub share: Option<f64>,
 }
 
-fn half() -> f64 {
-    0.5
-}
-
-impl SideTable {
-    fn side(&self) -> Side {
-        Side { towards: Vec3::from(self.towards), share: self.share }
+impl RegionTable {
+    /// `key` names its patch; the patches of a job hold one for every table with faces.
+    fn region(&self, key: &str, mesh: &TriMesh, source: &Bvh, guides: Option<&Guides>) -> Region {
+        let side =
+            |towards: [f64; 3], share: f64| Side { towards: Vec3::from(towards), share: self.share.unwrap_or(share) };
+        match (self.towards, self.middle) {
+            (Some(towards), _) => Region::Side(side(towards, 0.5)),
+            (None, Some(middle)) => Region::Middle(side(middle, 0.04)),
+            (None, None) => {
+                let patch = guides.and_then(|it| it.patches.iter().find(|it| it.key == key));
+                Region::Faces(patch.map_or_else(Vec::new, |it| painted(mesh, source, &it.triangles)))
+            }
+        }
     }
 
     fn check(&self) -> Result<(), KeyError> {
-        KeyError::range("share", self.share, 0.0, 1.0)?;
-        if Vec3::from(self.towards).norm().is_normal() {
+        if let Some(share) = self.share {
+            KeyError::range("share", share, 0.0, 1.0)?;
+        }
+        let given = [self.towards.is_some(), self.middle.is_some(), self.paint.is_some(), self.faces.is_some()];
+        if given.into_iter().filter(|it| *it).count() != 1 {
+            let message = "and `avoid` need exactly one of `towards`, `middle`, `paint` and `faces` in each table";
+            return Err(KeyError { key: "prefer", message: message.into() });
+        }
+        if self.towards.into_iter().chain(self.middle).all(|it| Vec3::from(it).norm().is_normal()) {
             return Ok(());
         }
-        Err(KeyError { key: "towards", message: "must be a direction such as [0, -1, 0]".into() })
+        Err(KeyError { key: "towards", message: "and `middle` must be directions such as [0, -1, 0]".into() })
     }
 }
 
@@ -148,7 +177,41 @@ fn too_many(mesh: &TriMesh, cut: &CutMesh) -> String {
     format!("piece {piece} glued to {other} along seam {} would {reason}; {way_out}", it.seam)
 }
 
+/// The lines that the user drew, if any.
+fn drawn(guides: Option<&Guides>) -> Option<&Vec<Vec<Vec3>>> {
+    guides.map(|it| &it.seams).filter(|it| !it.is_empty())
+}
+
 impl CutStage {
+    /// Adds what became of the drawn seams.
+    fn drawn_seams(&self, mut section: Section, mesh: &TriMesh, lines: &[Vec<Vec3>]) -> Section {
+        let traced = trace(mesh, lines);
+        let (handles, closed) = left_uncut(mesh, &traced.edges);
+        let length: f64 = traced.edges.iter().map(|&e: &EdgeId| mesh.edge_length(e)).sum();
+        let (place, distance) = traced.farthest;
+        section.tables["cut"]["drawn_seams"] = json!({
+            "length_mm": length,
+            "max_distance_mm": distance,
+            "max_offset_mm": traced.offset,
+            "broken": traced.broken,
+            "handles_left": handles,
+            "closed_left": closed,
+        });
+        let mut note = format!(
+            "the point ({:.1}, {:.1}, {:.1}) is farthest from the developed surface; seams follow its edges, up to {:.2} mm beside the lines",
+            place.x, place.y, place.z, traced.offset
+        );
+        if handles + closed > 0 {
+            note += &format!("; they leave {handles} handles and {closed} closed surfaces uncut, which were completed");
+        }
+        if traced.broken > 0 {
+            note +=
+                &format!("; {} times a line jumps from one component to another and is broken there", traced.broken);
+        }
+        let limit = self.seam_tolerance.resolve(mesh.bounds().diagonal());
+        section.check(Check::at_most("cut.drawn_seams", distance, limit, "mm", note))
+    }
+
     /// Side of the least useful square, mm.
     fn min_side(&self, stock: &Stock) -> f64 {
         self.min_piece.map_or(stock.min_piece, |it| it.mm)
@@ -157,8 +220,8 @@ impl CutStage {
 
 impl Stage for CutStage {
     const NAME: &'static str = "cut";
-    const VERSION: u32 = 6;
-    type Input = DevelopableMesh;
+    const VERSION: u32 = 7;
+    type Input = (DevelopableMesh, SourceMesh, Option<Guides>);
     type Output = CutMesh;
     type Profile = Stock;
     type Error = CutError;
@@ -186,11 +249,18 @@ impl Stage for CutStage {
         if let Some(side) = self.min_piece {
             KeyError::range("min_piece", side.mm, 0.0, 1e4)?;
         }
-        self.prefer.iter().chain(&self.avoid).try_for_each(SideTable::check)?;
+        self.prefer.iter().chain(&self.avoid).try_for_each(RegionTable::check)?;
         KeyError::range("clearance", self.clearance.mm, 1e-6, 10.0)
     }
 
-    fn run(&self, input: &DevelopableMesh, stock: &Stock, cx: &Cx) -> Result<CutMesh, CutError> {
+    fn run(&self, input: <Self::Input as Inputs>::Refs<'_>, stock: &Stock, cx: &Cx) -> Result<CutMesh, CutError> {
+        let (developed, source, guides) = input;
+        let source = Bvh::new(&source.mesh);
+        let regions = |name: &str, tables: &[RegionTable]| {
+            let key = |k: usize| format!("{name} {k}");
+            let region = |(k, it): (usize, &RegionTable)| it.region(&key(k), &developed.mesh, &source, guides);
+            tables.iter().enumerate().map(region).collect()
+        };
         let options = Options {
             stretch: self.stretch.unwrap_or(stock.stretch),
             tolerance: self.tolerance,
@@ -199,19 +269,21 @@ impl Stage for CutStage {
             new_piece: self.style.new_piece(),
             halvings: self.style.halvings(),
             min_area: self.min_side(stock).powi(2),
-            prefer: self.prefer.iter().map(SideTable::side).collect(),
-            avoid: self.avoid.iter().map(SideTable::side).collect(),
+            prefer: regions("prefer", &self.prefer),
+            avoid: regions("avoid", &self.avoid),
+            seams: drawn(guides).map_or_else(Vec::new, |lines| trace(&developed.mesh, lines).edges),
             sheet: self.fit_sheet.then_some(stock.room),
         };
         if stock.offset == 0.0 {
-            return cut(input, &options, &cx.monitor);
+            return cut(developed, &options, &cx.monitor);
         }
         // The surface parallel to a developable one is developable, so the neutral layer is that of the developed mesh.
-        let mesh = offset(&input.mesh, stock.offset).mesh;
-        cut(&DevelopableMesh { mesh, ..input.clone() }, &options, &cx.monitor)
+        let mesh = offset(&developed.mesh, stock.offset).mesh;
+        cut(&DevelopableMesh { mesh, ..developed.clone() }, &options, &cx.monitor)
     }
 
-    fn section(&self, input: &DevelopableMesh, stock: &Stock, cut: &CutMesh) -> Section {
+    fn section(&self, input: <Self::Input as Inputs>::Refs<'_>, stock: &Stock, cut: &CutMesh) -> Section {
+        let (input, _, guides) = input;
         let moved = offset(&input.mesh, stock.offset);
         let length: f64 = cut.seams.iter().flat_map(|it| &it.sides[0]).map(|&h| cut.mesh.vector(h).norm()).sum();
         let mut table = json!({
@@ -225,7 +297,10 @@ impl Stage for CutStage {
         if let Some(tolerance) = self.tolerance {
             table["tolerance"] = json!(tolerance);
         }
-        let section = Section::new("cut", table).neutral_layer(stock.offset, moved.error, moved.shortened.len());
+        let mut section = Section::new("cut", table).neutral_layer(stock.offset, moved.error, moved.shortened.len());
+        if let Some(lines) = drawn(guides) {
+            section = self.drawn_seams(section, &input.mesh, lines);
+        }
         match self.max_pieces {
             Some(limit) => section.check(Check::at_most(
                 "cut.pieces",

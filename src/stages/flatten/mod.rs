@@ -1,17 +1,21 @@
 //! Lays every piece flat at its true size and measures how well: stretch, flips, overlaps, seams.
+mod outline;
+mod sewing;
 pub mod stage;
+
+use std::collections::BTreeSet;
 
 use rayon::prelude::*;
 
 use crate::{
     geom::Vec2,
-    mesh::{FaceId, Field, Id},
+    mesh::{FaceId, Field, HalfedgeId, Id},
     model::{CutMesh, Flattening, Overlap, PieceId},
     numeric::{Cancelled, Monitor},
     surface::{
         chart::{Chart, ChartBuilder, Metric},
         distortion::Distortion,
-        flatten::{self, Flattener, Limit, flatten_domain, polished},
+        flatten::{self, FlatDomain, Limit, flatten_domain},
         overlap::overlapping_triangles,
     },
 };
@@ -19,6 +23,33 @@ use crate::{
 /// A piece with holes lies flat as it is when the sides of a slit between its loops stay this close, mm: a tenth of what
 /// any machine resolves.
 const WELD: f64 = 0.005;
+
+/// The sides of a seam may differ by this share of its length …
+const MISMATCH_SHARE: f64 = 0.002;
+/// … or by this much, mm, whichever is larger.
+const MISMATCH: f64 = 0.05;
+
+/// What the outlines of the pieces should be like.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outline {
+    /// As long as in space edge by edge, as little stretched as possible.
+    Isometric,
+    /// Straight from corner to corner, conformal inside.
+    Straight,
+}
+
+/// What to keep to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// What the outlines should be like.
+    pub outline: Outline,
+    /// Least angle by which an outline turns at a corner, radians; read for straight outlines.
+    pub corner: f64,
+    /// Length of the open edges of the surface in the plane over their length in space.
+    pub hem: f64,
+    /// Whether seams whose sides differ too much in length are made equal.
+    pub equal_seams: bool,
+}
 
 /// Why a cut mesh cannot be flattened.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -36,16 +67,9 @@ pub enum FlattenError {
     },
 }
 
-/// A piece in the plane, in the local numbers of its chart.
-struct Flat {
-    uv: Vec<Vec2>,
-    log_factor: Vec<f64>,
-    overlaps: Vec<Overlap>,
-}
-
-/// Flattens every piece with the isometric boundary, polished to the stretch that it was cut for ([`flatten_domain`]),
-/// each in a frame of its own, and finds the pairs of faces that overlap.
-pub fn flatten(cut: &CutMesh, monitor: &Monitor) -> Result<Flattening, FlattenError> {
+/// Flattens every piece as `options` say, polished to the stretch that it was cut for ([`flatten_domain`]), each in a frame
+/// of its own, makes seams fit, and finds the pairs of faces that overlap.
+pub fn flatten(cut: &CutMesh, options: &Options, monitor: &Monitor) -> Result<Flattening, FlattenError> {
     let metric = Metric::new(&cut.mesh);
     let limit = Limit::new(cut.stretch);
     let mut faces: Vec<Vec<FaceId>> = vec![Vec::new(); cut.pieces.len()];
@@ -54,14 +78,16 @@ pub fn flatten(cut: &CutMesh, monitor: &Monitor) -> Result<Flattening, FlattenEr
     }
     let mut builder = ChartBuilder::new(&cut.mesh);
     let charts: Vec<Chart> = faces.into_iter().map(|it| builder.chart(it, &|_| false)).collect();
+    let sides = || cut.seams.iter().flat_map(|it| it.sides.iter().flatten().copied());
+    let sewn: BTreeSet<HalfedgeId> = if options.hem == 1.0 { BTreeSet::new() } else { sides().collect() };
     let done = std::sync::atomic::AtomicUsize::new(0);
-    let flats: Vec<Result<Flat, FlattenError>> = charts
+    let flats: Vec<Result<FlatDomain, FlattenError>> = charts
         .par_iter()
         .enumerate()
         .map(|(k, chart)| {
             monitor.check()?;
             let name = || cut.pieces[PieceId::new(k)].name.clone();
-            let flat = flatten_chart(cut, &metric, chart, limit)
+            let flat = flatten_chart(cut, (&metric, chart), options, &sewn, limit)
                 .map_err(|source| FlattenError::Piece { name: name(), source });
             let before = done.fetch_add(chart.faces.len(), std::sync::atomic::Ordering::Relaxed);
             let share = (before + chart.faces.len()) as f64 / cut.mesh.face_count() as f64;
@@ -69,36 +95,52 @@ pub fn flatten(cut: &CutMesh, monitor: &Monitor) -> Result<Flattening, FlattenEr
             flat
         })
         .collect();
+    let mut flats = flats.into_iter().collect::<Result<Vec<FlatDomain>, FlattenError>>()?;
+    if options.equal_seams {
+        sewing::equalise(cut, &metric, &charts, &mut flats, monitor)?;
+    }
+    let overlaps: Vec<Vec<Overlap>> =
+        charts.par_iter().zip(&flats).map(|(chart, flat)| overlaps(chart, &flat.uv)).collect();
     let mut out = Flattening {
         uv: Field::filled(cut.mesh.vertex_count(), Vec2::zeros()),
         log_factor: Field::filled(cut.mesh.vertex_count(), 0.0),
-        overlaps: Vec::new(),
+        overlaps: overlaps.concat(),
         stretch_limit: cut.stretch,
     };
     for (chart, flat) in charts.iter().zip(flats) {
-        let flat = flat?;
         for (k, &v) in chart.origin.iter().enumerate() {
             out.uv[v] = flat.uv[k];
             out.log_factor[v] = flat.log_factor[k];
         }
-        out.overlaps.extend(flat.overlaps);
     }
     Ok(out)
 }
 
-fn flatten_chart(cut: &CutMesh, metric: &Metric, chart: &Chart, limit: Limit) -> Result<Flat, flatten::FlattenError> {
-    // Only a piece with holes needs a builder of its own.
-    let domain = if chart.loops.len() > 1 {
-        flatten_domain(&mut ChartBuilder::new(&cut.mesh), metric, chart, &|_| false, WELD, limit)?
-    } else {
-        polished(metric, chart, Flattener::new(metric, chart)?.flatten()?, limit)
-    };
-    let triangles: Vec<[Vec2; 3]> = chart.corners.iter().map(|it| it.map(|v| domain.uv[v as usize])).collect();
-    let overlaps = overlapping_triangles(&triangles)
-        .into_iter()
-        .map(|(i, j, area)| Overlap { faces: [chart.faces[i], chart.faces[j]], area })
-        .collect();
-    Ok(Flat { uv: domain.uv, log_factor: domain.log_factor, overlaps })
+fn flatten_chart(
+    cut: &CutMesh,
+    (metric, chart): (&Metric, &Chart),
+    options: &Options,
+    sewn: &BTreeSet<HalfedgeId>,
+    limit: Limit,
+) -> Result<FlatDomain, flatten::FlattenError> {
+    // Only a piece with holes needs a builder of its own. It lies flat as it is, or not at all.
+    if chart.loops.len() > 1 {
+        return flatten_domain(&mut ChartBuilder::new(&cut.mesh), metric, chart, &|_| false, WELD, limit);
+    }
+    match options.outline {
+        Outline::Straight => outline::straight(metric, chart, options.corner, limit),
+        Outline::Isometric if options.hem == 1.0 => outline::isometric(metric, chart, limit),
+        Outline::Isometric => {
+            let scale = |h: &HalfedgeId| if sewn.contains(h) { 1.0 } else { options.hem };
+            outline::with_scales(metric, chart, &scale, limit)
+        }
+    }
+}
+
+fn overlaps(chart: &Chart, uv: &[Vec2]) -> Vec<Overlap> {
+    let triangles: Vec<[Vec2; 3]> = chart.corners.iter().map(|it| it.map(|v| uv[v as usize])).collect();
+    let pairs = overlapping_triangles(&triangles).into_iter();
+    pairs.map(|(i, j, area)| Overlap { faces: [chart.faces[i], chart.faces[j]], area }).collect()
 }
 
 /// What a flattening is worth. Shares and quantiles weigh faces by their area in space; flipped faces are left out of the
@@ -213,6 +255,11 @@ impl SeamLengths {
     /// Difference of the sides, mm.
     pub fn mismatch(&self) -> f64 {
         (self.sides[0] - self.sides[1]).abs()
+    }
+
+    /// Difference that a seam of this length may have, mm.
+    pub fn allowance(&self) -> f64 {
+        MISMATCH.max(MISMATCH_SHARE * self.sides[0].max(self.sides[1]))
     }
 
     /// Difference of the sides over the longer one.

@@ -2,27 +2,48 @@
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::{FlattenError, Quality, SeamLengths, flatten, quality, seam_lengths};
+use super::{FlattenError, MISMATCH, Options, Outline, Quality, SeamLengths, flatten, quality, seam_lengths};
 use crate::{
     mesh::{FaceId, TriMesh},
     model::{CutMesh, Flattening, PieceId},
-    profile::Profiles,
-    stage::{Check, Cx, Section, Stage},
+    profile::{Angle, Profiles},
+    stage::{Check, Cx, KeyError, Section, Stage},
 };
 
-/// The sides of a seam may differ by this share of its length …
-const MISMATCH_SHARE: f64 = 0.002;
-/// … or by this much, mm, whichever is larger.
-const MISMATCH: f64 = 0.05;
-
-/// How pieces are laid flat. No keys yet.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+/// How pieces are laid flat.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct FlattenStage {}
+pub struct FlattenStage {
+    /// What the outlines of the pieces are like.
+    pub outline: OutlineKey,
+    /// Least angle at a corner of a straight outline.
+    pub corner: Angle,
+    /// Length of the open edges of the model in the plane over their length in space: less than 1 for a hem that is to pull
+    /// in, more for one that is gathered.
+    pub hem: f64,
+    /// Whether seams whose sides differ by more than 0.2 % and 0.05 mm in the plane are made equal.
+    pub equal_seams: bool,
+}
+
+impl Default for FlattenStage {
+    fn default() -> Self {
+        Self { outline: OutlineKey::Isometric, corner: Angle::degrees(30.0), hem: 1.0, equal_seams: true }
+    }
+}
+
+/// What outlines are like, as it is written in the config.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum OutlineKey {
+    /// As long as in space, with the least stretch.
+    Isometric,
+    /// Straight from corner to corner, conformal inside; for materials that stretch.
+    Straight,
+}
 
 impl Stage for FlattenStage {
     const NAME: &'static str = "flatten";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     type Input = CutMesh;
     type Output = Flattening;
     type Profile = ();
@@ -30,8 +51,18 @@ impl Stage for FlattenStage {
 
     fn profile(_: &Profiles) {}
 
+    fn check(&self) -> Result<(), KeyError> {
+        KeyError::range("hem", self.hem, 0.5, 2.0)?;
+        KeyError::range("corner", self.corner.radians.to_degrees(), 1.0, 120.0)
+    }
+
     fn run(&self, cut: &CutMesh, _: &(), cx: &Cx) -> Result<Flattening, FlattenError> {
-        flatten(cut, &cx.monitor)
+        let outline = match self.outline {
+            OutlineKey::Isometric => Outline::Isometric,
+            OutlineKey::Straight => Outline::Straight,
+        };
+        let options = Options { outline, corner: self.corner.radians, hem: self.hem, equal_seams: self.equal_seams };
+        flatten(cut, &options, &cx.monitor)
     }
 
     fn section(&self, cut: &CutMesh, _: &(), flat: &Flattening) -> Section {
@@ -123,8 +154,7 @@ fn stretch_check(cut: &CutMesh, flat: &Flattening, quality: &Quality) -> Check {
 }
 
 fn mismatch_check(cut: &CutMesh, seams: &[SeamLengths]) -> Check {
-    let allowance = |it: &SeamLengths| MISMATCH.max(MISMATCH_SHARE * it.sides[0].max(it.sides[1]));
-    let share = |it: &SeamLengths| it.mismatch() / allowance(it);
+    let share = |it: &SeamLengths| it.mismatch() / it.allowance();
     let Some(worst) = seams.iter().max_by(|a, b| share(a).total_cmp(&share(b))) else {
         return Check::at_most("seams.mismatch", 0.0, MISMATCH, "mm", "no seams");
     };
@@ -134,5 +164,5 @@ fn mismatch_check(cut: &CutMesh, seams: &[SeamLengths]) -> Check {
     });
     let note =
         format!("worst seam {} between {p} and {q}: {:.3} and {:.3} mm", worst.label, worst.sides[0], worst.sides[1]);
-    Check::at_most("seams.mismatch", worst.mismatch(), allowance(worst), "mm", note)
+    Check::at_most("seams.mismatch", worst.mismatch(), worst.allowance(), "mm", note)
 }
