@@ -2,6 +2,7 @@
 //! itself, and there are few of them with short seams.
 mod forest;
 mod search;
+mod slice;
 pub mod stage;
 #[cfg(test)]
 mod tests;
@@ -46,6 +47,8 @@ pub struct Options {
     pub moves: usize,
     /// Width and height that a piece must fit into in some rotation, mm; `None`: any size.
     pub sheet: Option<[f64; 2]>,
+    /// Whether flat regions that do not fit are divided along straight lines.
+    pub split: bool,
     /// For the moves.
     pub seed: u64,
 }
@@ -77,7 +80,12 @@ pub fn unfold(mesh: &TriMesh, options: &Options, monitor: &Monitor) -> Result<(C
     if faces > limit {
         return Err(UnfoldError::TooMany { faces, limit });
     }
-    let tiles = Tiles::new(mesh);
+    let (mesh, group) = match options.sheet.filter(|_| options.split) {
+        Some(room) => slice::slice(mesh, room)?,
+        None => (mesh.clone(), Field::filled(mesh.face_count(), 0)),
+    };
+    let mesh = &mesh;
+    let tiles = Tiles::new(mesh, &group);
     let mut forest = search::search(mesh, &tiles, options, monitor)?;
     let tile_of = tile_of(mesh, &tiles);
     loop {

@@ -32,6 +32,8 @@ pub struct UnfoldStage {
     pub effort: usize,
     /// Whether pieces are kept small enough for a sheet with what joins them.
     pub fit_sheet: bool,
+    /// Whether flat faces too large for a sheet are divided along straight lines.
+    pub split: bool,
 }
 
 impl Default for UnfoldStage {
@@ -43,6 +45,7 @@ impl Default for UnfoldStage {
             least_opening: Angle::degrees(0.1),
             effort: 30,
             fit_sheet: true,
+            split: false,
         }
     }
 }
@@ -58,7 +61,7 @@ pub struct Stock {
 
 impl Stage for UnfoldStage {
     const NAME: &'static str = "unfold";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const DRAWS: bool = true;
     type Input = TriMesh;
     type Output = (CutMesh, Flattening);
@@ -86,6 +89,7 @@ impl Stage for UnfoldStage {
             least_opening: self.least_opening.radians,
             moves: 1000 * self.effort,
             sheet: self.fit_sheet.then_some(stock.room),
+            split: self.split,
             seed: cx.seed,
         };
         unfold(&offset(mesh, stock.offset).mesh, &options, &cx.monitor)
@@ -158,7 +162,7 @@ impl UnfoldStage {
         let note = match found.len() {
             0 => String::new(),
             _ => format!(
-                "{}; a sheet has room for {:.1} × {:.1} mm with what joins the pieces: scale the model, take larger stock, or more faces",
+                "{}; a sheet has room for {:.1} × {:.1} mm with what joins the pieces: set unfold.split = true to divide them, scale the model, or take larger stock",
                 found.join(", "),
                 free[1],
                 free[0]

@@ -8,7 +8,7 @@ use crate::{
 };
 
 fn options() -> Options {
-    Options { max_faces: 5000, clearance: 0.2, least_opening: 1e-3, moves: 500, sheet: None, seed: 0 }
+    Options { max_faces: 5000, clearance: 0.2, least_opening: 1e-3, moves: 500, sheet: None, split: true, seed: 0 }
 }
 
 fn run(mesh: &TriMesh, options: &Options) -> (CutMesh, Flattening) {
@@ -126,7 +126,7 @@ fn crumpled() -> TriMesh {
 #[test]
 fn slits_between_coinciding_sides_are_closed() {
     let mesh = crumpled();
-    assert_eq!(Tiles::new(&mesh).tiles.len(), 8);
+    assert_eq!(Tiles::new(&mesh, &Field::filled(mesh.face_count(), 0)).tiles.len(), 8);
     let (cut, _) = run(&mesh, &options());
     assert_eq!((cut.pieces.len(), cut.seams.len()), (1, 0));
 }
@@ -141,9 +141,32 @@ fn pieces_fit_the_sheet_and_a_face_that_does_not_stands_alone() {
         assert!(least_excess(hull, sheet).0 <= 1.0);
     }
     let cube = shapes::cuboid(Vec3::new(100.0, 100.0, 100.0), 1);
-    let (cut, _) = run(&cube, &Options { sheet: Some([90.0, 90.0]), ..options() });
+    let (cut, _) = run(&cube, &Options { sheet: Some([90.0, 90.0]), split: false, ..options() });
     assert_eq!(cut.pieces.len(), 6);
     assert_eq!(cut.seams.len(), 12);
+}
+
+#[test]
+fn a_face_larger_than_the_sheet_is_cut_once_more() {
+    for (mesh, room) in [
+        (shapes::cuboid(Vec3::new(100.0, 100.0, 100.0), 1), [90.0, 90.0]),
+        (shapes::cuboid(Vec3::new(300.0, 40.0, 130.0), 2), [70.0, 110.0]),
+        (shapes::icosphere(200.0, 0), [60.0, 80.0]),
+    ] {
+        let (cut, flat) = run(&mesh, &Options { sheet: Some(room), moves: 100, ..options() });
+        for hull in hulls(&cut, &flat).iter() {
+            assert!(least_excess(hull, room).0 <= 1.0);
+        }
+        assert!(isometry(&cut, &flat) <= ISOMETRY * mesh.bounds().diagonal());
+        assert!((cut.mesh.total_area() - mesh.total_area()).abs() < 1e-9 * mesh.total_area());
+        let least = mesh.total_area() / (room[0] * room[1]);
+        assert!(cut.pieces.len() as f64 >= least && flat.overlaps.is_empty());
+        // Both sides of every cut are seams of the same length.
+        for seam in &cut.seams {
+            let [a, b] = flat.seam_sides(&cut, seam);
+            assert!((a - b).abs() < 1e-9 * (a + b));
+        }
+    }
 }
 
 #[test]

@@ -54,9 +54,9 @@ pub(super) struct Tiles {
 }
 
 impl Tiles {
-    /// Finds the tiles, the largest faces first, and their hinges.
-    pub(super) fn new(mesh: &TriMesh) -> Self {
-        let (tiles, tile_of) = tiles(mesh);
+    /// Finds the tiles, the largest faces first, and their hinges. Faces of different groups are in different tiles.
+    pub(super) fn new(mesh: &TriMesh, group: &Field<FaceId, u32>) -> Self {
+        let (tiles, tile_of) = tiles(mesh, group);
         let flat = flatten(mesh, &tiles);
         let mut shared: BTreeMap<[u32; 2], Vec<EdgeId>> = BTreeMap::new();
         for e in mesh.edges() {
@@ -120,7 +120,7 @@ impl Tiles {
 }
 
 /// Faces by tile, and the tile of each face.
-fn tiles(mesh: &TriMesh) -> (Vec<Vec<FaceId>>, Field<FaceId, u32>) {
+fn tiles(mesh: &TriMesh, group: &Field<FaceId, u32>) -> (Vec<Vec<FaceId>>, Field<FaceId, u32>) {
     const NONE: u32 = u32::MAX;
     let mut seeds: Vec<(f64, FaceId)> = mesh.faces().map(|f| (mesh.area(f), f)).collect();
     seeds.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -138,7 +138,7 @@ fn tiles(mesh: &TriMesh) -> (Vec<Vec<FaceId>>, Field<FaceId, u32>) {
         while done < faces.len() {
             for h in mesh.face_halfedges(faces[done]) {
                 let Some(g) = mesh.twin(h).map(|it| mesh.face(it)) else { continue };
-                if tile_of[g] == NONE && angle_between(normal, mesh.normal(g)) < FLAT {
+                if tile_of[g] == NONE && group[g] == group[seed] && angle_between(normal, mesh.normal(g)) < FLAT {
                     tile_of[g] = number;
                     faces.push(g);
                 }
