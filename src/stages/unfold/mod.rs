@@ -81,7 +81,7 @@ pub fn unfold(mesh: &TriMesh, options: &Options, monitor: &Monitor) -> Result<(C
         return Err(UnfoldError::TooMany { faces, limit });
     }
     let (mesh, group) = match options.sheet.filter(|_| options.split) {
-        Some(room) => slice::slice(mesh, room)?,
+        Some(room) => slice::slice(mesh, room, monitor)?,
         None => (mesh.clone(), Field::filled(mesh.face_count(), 0)),
     };
     let mesh = &mesh;

@@ -1,13 +1,17 @@
 //! Flat regions larger than the sheet are cut once more, along straight lines across them.
 use std::collections::BTreeMap;
 
-use super::tiles::{Tile, Tiles};
+use super::{
+    UnfoldError,
+    tiles::{Tile, Tiles},
+};
 use crate::{
     geom::{
         Vec2,
         polygon::{bounds_turned, convex_hull, least_box_angle, least_excess, turned},
     },
     mesh::{EdgeId, FaceId, Field, HalfedgeId, MeshError, TriMesh},
+    numeric::Monitor,
 };
 
 /// Lines tried across the middle half of a region.
@@ -19,10 +23,15 @@ const MOST: usize = 1000;
 
 /// The mesh cut until every flat region fits into `room`, and the group of every face: faces of different groups are
 /// never one region, even where they lie in one plane.
-pub(super) fn slice(mesh: &TriMesh, room: [f64; 2]) -> Result<(TriMesh, Field<FaceId, u32>), MeshError> {
+pub(super) fn slice(
+    mesh: &TriMesh,
+    room: [f64; 2],
+    monitor: &Monitor,
+) -> Result<(TriMesh, Field<FaceId, u32>), UnfoldError> {
     let mut mesh = mesh.clone();
     let mut group = Field::filled(mesh.face_count(), 0);
     for count in 0..MOST {
+        monitor.check()?;
         let tiles = Tiles::new(&mesh, &group).tiles;
         let large = |it: &&Tile| {
             let hull = convex_hull(it.triangles.as_flattened());
