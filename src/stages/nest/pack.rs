@@ -98,6 +98,7 @@ pub(super) fn pack(
 
 impl Packer<'_> {
     fn separate(&mut self, patience: Patience, share: f64) -> Result<bool, Cancelled> {
+        self.monitor.check()?;
         let budget = self.budget;
         let note = format!("{} sheets, {:.1} mm of the last", self.best.sheets, self.best.height);
         self.monitor.progress(budget.spent(self.bench.tests).min(1.0), &note);
@@ -108,8 +109,11 @@ impl Packer<'_> {
         self.budget.spent(self.bench.tests) >= share
     }
 
-    /// Takes the state, which is without collisions, as the best.
+    /// Takes the state, which is without collisions, as the best. A last sheet that has become empty is no longer needed:
+    /// it could be made lower for ever.
     fn keep(&mut self) {
+        let used = self.bench.lies.iter().map(|it| it.sheet + 1).max().unwrap_or(0);
+        self.bench.rooms.truncate(used.max(1));
         let last = self.bench.rooms.len() - 1;
         let tops = self.bench.lies.iter().enumerate().filter(|it| it.1.sheet == last);
         let top = tops.map(|(i, lie)| lie.at.y + self.parts[i].shapes[lie.shape].bounds.max.y).fold(0.0, f64::max);
