@@ -6,6 +6,7 @@ mod dxf;
 mod dxf12;
 mod gcode;
 mod hpgl;
+pub mod mill;
 pub mod obj;
 mod pdf;
 pub mod stl;

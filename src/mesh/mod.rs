@@ -10,6 +10,7 @@ pub mod intersections;
 pub mod operators;
 pub mod repair;
 pub mod shapes;
+pub mod sweep;
 mod trimesh;
 
 pub use bvh::{Bvh, Closest};

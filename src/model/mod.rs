@@ -1,10 +1,12 @@
 //! The nouns that cross stages: plain data, and what each of them guarantees.
 
+mod mill;
 mod nouns;
 mod planar;
 mod shape;
 mod strips;
 
+pub use mill::{MillMove, Milling, Setup};
 pub use nouns::{Artifact, Kind, Noun};
 pub use planar::{
     Bend, Joints, Line, Mark, Opening, Operation, Part, Parts, Placement, Sheet, SheetPaths, Sheets, Toolpath,

@@ -3,11 +3,14 @@
 //! Own and not serde's, because nouns stay free of serialisation (HOUSE.md) and f64 must come back bit for bit.
 use crate::{
     geom::{Vec2, Vec3, arcs::ArcPath},
-    mesh::{EdgeId, FaceId, Field, HalfedgeId, Id, TriMesh, VertexId},
+    mesh::{
+        EdgeId, FaceId, Field, HalfedgeId, Id, TriMesh, VertexId,
+        sweep::{Deepest, Pose, Tool},
+    },
     model::{
-        Artifact, Bend, Corner, CutMesh, DevelopableMesh, Flattening, Guides, Joints, Kind, Mark, Noun, Opening,
-        Operation, Overlap, Panel, PanelKind, Part, Parts, Patch, Piece, PieceId, Placement, Round, Ruled, Ruling,
-        Seam, Sheet, SheetPaths, Sheets, SourceMesh, Strips, Toolpath, Toolpaths, Tradeoff,
+        Artifact, Bend, Corner, CutMesh, DevelopableMesh, Flattening, Guides, Joints, Kind, Mark, MillMove, Milling,
+        Noun, Opening, Operation, Overlap, Panel, PanelKind, Part, Parts, Patch, Piece, PieceId, Placement, Round,
+        Ruled, Ruling, Seam, Setup, Sheet, SheetPaths, Sheets, SourceMesh, Strips, Toolpath, Toolpaths, Tradeoff,
     },
 };
 
@@ -60,6 +63,15 @@ impl Codec for usize {
     }
 }
 
+impl Codec for char {
+    fn put(&self, out: &mut Vec<u8>) {
+        u32::from(*self).put(out);
+    }
+    fn get(reader: &mut Reader<'_>) -> Result<Self, Corrupt> {
+        char::from_u32(u32::get(reader)?).ok_or(Corrupt)
+    }
+}
+
 impl Codec for bool {
     fn put(&self, out: &mut Vec<u8>) {
         u8::from(*self).put(out);
@@ -102,6 +114,15 @@ impl<T: Codec> Codec for Option<T> {
     }
     fn get(reader: &mut Reader<'_>) -> Result<Self, Corrupt> {
         bool::get(reader)?.then(|| T::get(reader)).transpose()
+    }
+}
+
+impl<T: Codec> Codec for Box<T> {
+    fn put(&self, out: &mut Vec<u8>) {
+        (**self).put(out);
+    }
+    fn get(reader: &mut Reader<'_>) -> Result<Self, Corrupt> {
+        T::get(reader).map(Self::new)
     }
 }
 
@@ -253,6 +274,15 @@ records! {
     ArcPath { points, bulges }
     Toolpath { operation, path, depth, joined, part }
     SheetPaths { size, paths }
+    Tool { radius, taper, flute, shank, reach, holder, holder_length }
+    Pose { tip, axis }
+    Deepest { depth, place }
+    Setup { rows, shift }
+    MillMove { rapid, pose, contact, joints, seconds, segment, piece }
+    Milling {
+        axes, setup, tool, span, spindle, moves, pieces, refused, segments, painted, deviation, covered, gouge, excess, collision,
+        limits,
+    }
     Toolpaths { sheets, cut_length, travel_length, lifts, seconds, left_out, uncompensated }
 }
 
@@ -277,4 +307,16 @@ macro_rules! artifacts {
     };
 }
 
-artifacts!(SourceMesh, Guides, TriMesh, DevelopableMesh, CutMesh, Flattening, Strips, Parts, Sheets, Toolpaths);
+artifacts!(
+    SourceMesh,
+    Guides,
+    TriMesh,
+    DevelopableMesh,
+    CutMesh,
+    Flattening,
+    Strips,
+    Parts,
+    Sheets,
+    Toolpaths,
+    Milling
+);

@@ -5,6 +5,7 @@ use serde_json::Value;
 use super::{
     output::Output,
     plan::Plan,
+    replay::replay,
     run::{Event, RunError},
     simulate::simulate,
     verify::{booklet, verify},
@@ -12,13 +13,14 @@ use super::{
 use crate::{
     emit::{self, File, Nouns},
     mesh::TriMesh,
-    model::{CutMesh, DevelopableMesh, Flattening, Operation, Parts, Sheets, SourceMesh, Strips, Toolpaths},
+    model::{CutMesh, DevelopableMesh, Flattening, Milling, Operation, Parts, Sheets, SourceMesh, Strips, Toolpaths},
     numeric::{Cancelled, Monitor},
+    profile::Machine,
     report::{
         self, Frame, StageRow, Subjects, Written,
         assembly::{self, Step},
     },
-    stage::{Section, Store},
+    stage::{Check, Section, Store},
 };
 
 impl From<Cancelled> for RunError {
@@ -56,10 +58,10 @@ pub(super) fn deliver(
         .chain(strips(store))
         .chain(pictures(store, &line))
         .chain(cut.map(|it| instructions(store, it, &steps, instruction)))
+        .chain(mill_programs(store, &plan.profiles.machine))
         .collect();
     monitor.check()?;
     let made: Vec<_> = jobs.par_iter().map(|(path, format, make)| (path, *format, make())).collect();
-
     let mut written = Vec::new();
     let mut put = |path: &str, format: &'static str, bytes: &[u8]| -> Result<(), RunError> {
         monitor.check()?;
@@ -88,6 +90,7 @@ pub(super) fn deliver(
     }
     section.checks.extend(verify(&read_back, &nouns, &plan.profiles));
     section.checks.extend(simulate(&read_back, &nouns, &plan.profiles));
+    section.checks.extend(replayed(&written, store, output, &plan.profiles.machine)?);
     let frame = Frame {
         recipe: &plan.recipe,
         seed: plan.seed,
@@ -113,6 +116,27 @@ fn instructions<'a>(store: &Store, cut: &'a CutMesh, steps: &'a [Step], instruct
         Ok(emit::booklet::booklet(&pages))
     };
     (ASSEMBLY.into(), "pdf", Box::new(make))
+}
+
+/// Where the programs that mill pieces go.
+const TOOLPATHS: &str = "toolpaths/";
+
+fn mill_programs<'a>(store: &Store, machine: &Machine) -> Vec<Job<'a>> {
+    let programs = store.get().map(|it: &Milling| emit::mill::programs(it, machine)).unwrap_or_default();
+    let job = |(name, text): (&str, String)| -> Job<'a> {
+        (format!("{TOOLPATHS}{name}"), "gcode", Box::new(move || Ok(text.clone().into_bytes())))
+    };
+    programs.into_iter().map(job).collect()
+}
+
+/// The same programs read back and replayed.
+fn replayed(written: &[Written], store: &Store, output: &Output, machine: &Machine) -> Result<Vec<Check>, RunError> {
+    let (Some(milling), Some(cut)) = (store.get::<Milling>(), store.get::<CutMesh>()) else { return Ok(vec![]) };
+    let mut files = Vec::new();
+    for it in written.iter().filter(|it| it.path.starts_with(TOOLPATHS)) {
+        files.push((it.path.clone(), output.read(&it.path)?));
+    }
+    Ok(replay(&files, milling, cut, machine))
 }
 
 /// The meshes of the job as OBJ.
@@ -154,7 +178,7 @@ fn strips(store: &Store) -> Vec<Job<'_>> {
 fn pictures<'a>(store: &'a Store, line: &'a (dyn Fn(Operation) -> [u8; 3] + Sync)) -> Vec<Job<'a>> {
     let source = store.get::<SourceMesh>().expect("the run put the source first");
     let (coarse, developed, cut, strips, sheets) = (store.get(), store.get(), store.get(), store.get(), store.get());
-    report::pictures(Subjects { source, coarse, developed, cut, strips, sheets, line })
+    report::pictures(Subjects { source, coarse, developed, cut, strips, sheets, milling: store.get(), line })
         .into_iter()
         .map(|(path, draw)| -> Job<'a> {
             let format = if path.ends_with(".svg") { "svg" } else { "png" };

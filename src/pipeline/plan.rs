@@ -37,8 +37,12 @@ pub struct Plan {
 /// Parses every table and checks every input before anything runs.
 pub fn plan(config: Config<'_>) -> Result<Plan, PlanError> {
     let source = config.source;
-    let stages = stage_list(&config)?;
-    let Config { seed, recipe, input, output, formats_span, mut tables, mut profiles, .. } = config;
+    let table_of = |name| config.profiles.get(name).map(|it| it.get_ref().clone()).unwrap_or_default();
+    let (material, machine) = (table_of("material"), table_of("machine"));
+    let profiles = Profiles::load(source.folder(), &material, &machine)
+        .map_err(|err| source.error(err.to_string(), err.span()))?;
+    let stages = stage_list(&config, profiles.machine.kind.works_blocks())?;
+    let Config { seed, recipe, input, output, formats_span, mut tables, .. } = config;
     let dir = output.dir;
     let mut made = vec![Kind::SourceMesh];
     for def in &stages {
@@ -50,11 +54,6 @@ pub fn plan(config: Config<'_>) -> Result<Plan, PlanError> {
         }
         made.extend(def.makes);
     }
-    let mut table_of = |name| profiles.remove(name).map(Spanned::into_inner).unwrap_or_default();
-    let (material, machine) = (table_of("material"), table_of("machine"));
-    let profiles = Profiles::load(source.folder(), &material, &machine)
-        .map_err(|err| source.error(err.to_string(), err.span()))?;
-
     let formats = output.formats.unwrap_or_else(|| profiles.machine.formats.clone());
     if let Some(unknown) = formats.iter().find(|it| FORMATS.iter().all(|format| format.name != it.as_str())) {
         let names: Vec<_> = FORMATS.iter().map(|it| it.name).collect();
@@ -115,8 +114,8 @@ fn add_defaults(table: &mut DeTable<'_>, recipe: &str, stage: &str) {
     }
 }
 
-/// The stages of the recipe, or those that `stages = […]` names.
-fn stage_list(config: &Config<'_>) -> Result<Vec<StageDef>, ConfigError> {
+/// The stages of the recipe, with those that a machine for blocks adds, or those that `stages = […]` names.
+fn stage_list(config: &Config<'_>, blocks: bool) -> Result<Vec<StageDef>, ConfigError> {
     let (names, span): (Vec<&str>, _) = match &config.stages {
         Some(stages) => (stages.get_ref().iter().map(String::as_str).collect(), stages.span()),
         None => {
@@ -126,7 +125,8 @@ fn stage_list(config: &Config<'_>) -> Result<Vec<StageDef>, ConfigError> {
                 let message = format!("unknown recipe `{name}`; there are {}", names.join(", "));
                 config.source.error(message, Some(config.recipe.span()))
             })?;
-            (recipe.stages.to_vec(), config.recipe.span())
+            let on_top = if blocks { recipe.of_blocks } else { &[] };
+            ([recipe.stages, on_top].concat(), config.recipe.span())
         }
     };
     let find = |name: &str| {

@@ -3,8 +3,8 @@ use crate::{
     stage::StageDef,
     stages::{
         coarsen::stage::CoarsenStage, cut::stage::CutStage, develop::stage::Develop, flatten::stage::FlattenStage,
-        layout::stage::LayoutStage, nest::stage::NestStage, route::stage::RouteStage, strips::stage::StripsStage,
-        unfold::stage::UnfoldStage,
+        layout::stage::LayoutStage, mill::stage::MillStage, nest::stage::NestStage, route::stage::RouteStage,
+        strips::stage::StripsStage, unfold::stage::UnfoldStage,
     },
 };
 
@@ -19,6 +19,7 @@ pub const STAGES: &[StageDef] = &[
     StageDef::of::<LayoutStage>(),
     StageDef::of::<NestStage>(),
     StageDef::of::<RouteStage>(),
+    StageDef::of::<MillStage>(),
 ];
 
 /// A pipeline with a name.
@@ -29,6 +30,8 @@ pub struct Recipe {
     pub about: &'static str,
     /// Names of its stages, in order.
     pub stages: &'static [&'static str],
+    /// Those that come on top where the machine works blocks.
+    pub of_blocks: &'static [&'static str],
     /// Tables, and lines in which it wants them different from the defaults of the stage, unless the job sets the key between.
     pub defaults: &'static [(&'static str, &'static str, &'static str)],
     /// What `init` writes into a new job.
@@ -41,6 +44,7 @@ pub const RECIPES: &[Recipe] = &[
         name: "developable",
         about: "make a mesh piecewise developable, cut it along its seams and flatten the pieces",
         stages: &["coarsen", "develop", "cut", "flatten", "strips", "layout", "nest", "route"],
+        of_blocks: &["mill"],
         defaults: &[],
         sample: "[develop]\nmax_deviation = \"1 %\"      # of the diagonal, or a length such as \"2 mm\"\n",
     },
@@ -48,6 +52,7 @@ pub const RECIPES: &[Recipe] = &[
         name: "facets",
         about: "coarsen a mesh to a few hundred faces and unfold it exactly, to be folded at every edge",
         stages: &["coarsen", "unfold", "layout", "nest", "route"],
+        of_blocks: &[],
         defaults: &[
             ("coarsen", "method", "method = \"quadric\"\nfaces = 300"),
             ("layout", "fold_angle", "fold_angle = 1"),

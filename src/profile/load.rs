@@ -35,7 +35,10 @@ macro_rules! built_in {
 }
 
 /// Machines known by name; the first is the default.
-pub const MACHINES: &[BuiltIn] = built_in!("machines": "drag-knife-a3", "laser-co2", "pen-plotter", "vinyl-cutter", "craft-cutter", "cnc-router", "shop");
+pub const MACHINES: &[BuiltIn] = built_in!(
+    "machines": "drag-knife-a3", "laser-co2", "pen-plotter", "vinyl-cutter", "craft-cutter", "cnc-router", "shop",
+    "mill-ac", "mill-bc", "mill-bc-head", "hot-wire",
+);
 
 /// Materials known by name; the first is the default.
 pub const MATERIALS: &[BuiltIn] = built_in!(
@@ -338,7 +341,9 @@ mod tests {
                         assert_eq!(profiles.material.name, material.name);
                         assert_eq!(profiles.machine.name, machine.name);
                         for operation in Operation::ALL {
-                            let tool = profiles.machine.tools.get(operation).unwrap();
+                            let tool = profiles.machine.tools.get(operation);
+                            assert_eq!(tool.is_none(), profiles.machine.kind.works_blocks(), "{}", machine.name);
+                            let Some(tool) = tool else { continue };
                             let beam = matches!(profiles.machine.head, Head::Laser { .. });
                             assert!(!beam || tool.power > 0.0, "{}: {operation:?} without power", machine.name);
                         }
@@ -415,7 +420,11 @@ mod tests {
             ("", "layers.text.name = \"CUT\"", "must share both name and colour or neither"),
             ("", "layers.text.name = \"A B\"", "`layers.text.name`: must be 1 to 31 letters"),
             ("", "order = [\"text\"]", "`order`: must name `registration` exactly once"),
-            ("", "kind = \"lasr\"", "unknown variant `lasr`, expected one of `laser`, `drag-knife`, `router`, `pen`"),
+            (
+                "",
+                "kind = \"lasr\"",
+                "unknown variant `lasr`, expected one of `laser`, `drag-knife`, `router`, `pen`, `mill`, `hot-wire`",
+            ),
             ("", "kind = \"laser\"", "`head`: does not fit `kind = \"laser\"`"),
             ("", "head.servo.down = 40", "`head.servo.down`: must differ from `up`"),
         ] {

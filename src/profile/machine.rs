@@ -2,7 +2,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Length, Link,
+    HotWire, Length, Link, Mill,
     check::{Fault, Rule, at_least_zero, positive, within},
     operations::{Order, PerOperation},
 };
@@ -20,6 +20,10 @@ pub enum MachineKind {
     Router,
     /// Draws only: what others cut, it draws.
     Pen,
+    /// Mill with two rotary axes.
+    Mill,
+    /// Straight hot wire between two carriages, for foam.
+    HotWire,
 }
 
 impl MachineKind {
@@ -30,7 +34,14 @@ impl MachineKind {
             Self::DragKnife => "drag-knife",
             Self::Router => "router",
             Self::Pen => "pen",
+            Self::Mill => "mill",
+            Self::HotWire => "hot-wire",
         }
+    }
+
+    /// Whether it works blocks, not sheets: the material of a job is then that of its templates.
+    pub fn works_blocks(self) -> bool {
+        matches!(self, Self::Mill | Self::HotWire)
     }
 }
 
@@ -316,6 +327,12 @@ pub struct Machine {
     /// The blade of a drag knife.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub knife: Option<Knife>,
+    /// The axes of a mill.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mill: Option<Mill>,
+    /// The carriages of a hot wire.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wire: Option<HotWire>,
     /// Order of work; the usual one ([`Operation::ALL`]) when absent.
     #[serde(default)]
     pub order: Order,
@@ -338,6 +355,7 @@ impl Rule for Machine {
         }
         self.link.check()?;
         self.check_head()?;
+        self.check_axes()?;
         self.check_layers()?;
         for (operation, tool) in self.tools.iter() {
             let key = |field: &str| format!("tools.{}.{field}", operation.name());
@@ -434,6 +452,24 @@ impl Machine {
             (Some(_), _) => Err(Fault::new("knife", format!("does not fit `kind = \"{}\"`", self.kind.name()))),
             (None, _) => Ok(()),
         }
+    }
+
+    /// Blocks are worked by a table of their own.
+    fn check_axes(&self) -> Result<(), Fault> {
+        for (table, kind, has) in
+            [("mill", MachineKind::Mill, self.mill.is_some()), ("wire", MachineKind::HotWire, self.wire.is_some())]
+        {
+            if has != (self.kind == kind) {
+                let message = format!(
+                    "does not fit `kind = \"{}\"`: [{table}] and \"{}\" go together",
+                    self.kind.name(),
+                    kind.name()
+                );
+                return Err(Fault::new(table, message));
+            }
+        }
+        self.mill.as_ref().map_or(Ok(()), |it| it.check(self.dialect))?;
+        self.wire.as_ref().map_or(Ok(()), |it| it.check(self.dialect))
     }
 
     fn check_layers(&self) -> Result<(), Fault> {

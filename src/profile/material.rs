@@ -287,6 +287,9 @@ impl Material {
     /// operation and field.
     pub(super) fn prepare(&self, machine: &mut Machine, kept: impl Fn(Operation, &str) -> bool) -> Result<(), Fault> {
         let Some(patches) = self.process.get(&machine.kind) else {
+            if machine.kind.works_blocks() {
+                return Ok(());
+            }
             let kinds: Vec<&str> = self.process.keys().map(|it| it.name()).collect();
             let message = format!(
                 "has no [process.{kind}], and `{machine}` is a machine of that kind: {material} is worked with {kinds}; \

@@ -5,6 +5,7 @@ mod link;
 mod load;
 mod machine;
 mod material;
+mod mill;
 mod operations;
 mod units;
 
@@ -12,6 +13,7 @@ pub use link::{Flow, Link, ModemLine, Streaming};
 pub use load::{BuiltIn, MACHINES, MATERIALS, ProfileError, load_machine, load_material};
 pub use machine::{Bridges, Color, Corner, Dialect, Head, Knife, Layer, Machine, MachineKind, RotaryAxis, Tool};
 pub use material::{Bend, JoinKind, Joining, Material, Perforation, TabSides, ToolPatch};
+pub use mill::{HotWire, LinearAxis, Mill, Rotation, TipControl, Turns};
 pub use operations::{Order, PerOperation};
 pub use units::{Angle, Extent, Length};
 

@@ -2,9 +2,9 @@
 //! closeness costs, as SVG.
 use super::chart;
 use crate::{
-    geom::Vec2,
+    geom::{Vec2, Vec3},
     mesh::{FaceId, Id, TriMesh},
-    model::{CutMesh, DevelopableMesh, Operation, Sheets, SourceMesh, Strips},
+    model::{CutMesh, DevelopableMesh, Milling, Operation, Sheets, SourceMesh, Strips},
     render::{self, Edges, MeshStyle, RenderError, Rgb, SheetStyle, Up, palette},
 };
 
@@ -23,6 +23,8 @@ pub struct Subjects<'a> {
     pub strips: Option<&'a Strips>,
     /// The sheets.
     pub sheets: Option<&'a Sheets>,
+    /// What was milled.
+    pub milling: Option<&'a Milling>,
     /// Line colours of the machine profile.
     pub line: &'a (dyn Fn(Operation) -> Rgb + Sync),
 }
@@ -83,6 +85,9 @@ pub fn pictures<'a>(subjects: Subjects<'a>) -> Vec<Drawing<'a>> {
     if let Some(strips) = subjects.strips {
         out.push(("preview/strips.png".into(), Box::new(move || draw_strips(strips, base))));
     }
+    if let Some(milling) = subjects.milling {
+        out.push(("preview/mill.png".into(), Box::new(move || draw_milling(milling, base))));
+    }
     for (i, sheet) in subjects.sheets.iter().flat_map(|it| it.sheets.iter().enumerate()) {
         let margin = subjects.sheets.map_or(0.0, |it| it.margin);
         let line = subjects.line;
@@ -107,4 +112,26 @@ fn draw_strips(strips: &Strips, base: MeshStyle<'_>) -> Result<Vec<u8>, RenderEr
     }
     let face = |f: FaceId| palette(number[panels[f.index()]]);
     render::mesh(&mesh, &MeshStyle { face: &face, edges: Edges::Boundary, ..base })
+}
+
+/// What is left of the surface in blue, what is cut into in red, both full at their limits; pale where all is well, grey where
+/// nothing passed. Seen from the side that was milled.
+fn draw_milling(milling: &Milling, base: MeshStyle<'_>) -> Result<Vec<u8>, RenderError> {
+    const PALE: [f64; 3] = [236.0, 240.0, 226.0];
+    const LEFT: [f64; 3] = [40.0, 90.0, 190.0];
+    const DEEP: [f64; 3] = [200.0, 30.0, 30.0];
+    let [gouge, excess] = milling.limits;
+    let face = |f: FaceId| -> Rgb {
+        let Some(it) = milling.deviation[f.index()] else { return [150, 152, 158] };
+        let (full, share) = if it < 0.0 { (DEEP, -it / gouge) } else { (LEFT, it / excess) };
+        let share = share.min(1.0);
+        [0, 1, 2].map(|k| (PALE[k] + (full[k] - PALE[k]) * share).round() as u8)
+    };
+    let mesh = &milling.painted;
+    let passed = mesh.faces().filter(|f| milling.deviation[f.index()].is_some());
+    let out: Vec3 = passed.map(|f| mesh.area_vector(f)).sum();
+    let out = if base.up == Up::Z { Vec3::new(out.x, out.z, -out.y) } else { out };
+    let azimuth = if out.norm() > 0.0 { out.x.atan2(out.z) + 0.3 } else { base.azimuth };
+    let elevation = (out.y.atan2(out.x.hypot(out.z))).clamp(-0.9, 0.9) + 0.15;
+    render::mesh(mesh, &MeshStyle { face: &face, edges: Edges::Boundary, azimuth, elevation, ..base })
 }

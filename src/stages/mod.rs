@@ -5,6 +5,7 @@ pub mod cut;
 pub mod develop;
 pub mod flatten;
 pub mod layout;
+pub mod mill;
 pub mod nest;
 pub mod route;
 pub mod strips;

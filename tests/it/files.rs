@@ -140,12 +140,13 @@ fn routed(profiles: &Profiles) -> Job {
 const TANGENTIAL: &str =
     "profile = \"drag-knife-a3\"\nknife = { offset = 0, overcut = 0, lift = 20, axis = \"C\" }\narcs = false";
 
-/// Every built-in machine with A3 sheets of what it works: paper, or plywood.
+/// Every built-in machine for sheets with A3 sheets of what it works: paper, or plywood.
 fn machines() -> impl Iterator<Item = Profiles> {
-    MACHINES.iter().map(|it| {
+    let loaded = MACHINES.iter().map(|it| {
         let material = if it.name == "cnc-router" { "profile = \"plywood-3mm\"\nsheet = [420, 297]" } else { "" };
         profiles(material, &format!("profile = \"{}\"", it.name))
-    })
+    });
+    loaded.filter(|it| !it.machine.kind.works_blocks())
 }
 
 fn text(file: &File) -> &str {

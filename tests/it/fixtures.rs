@@ -36,6 +36,8 @@ fn good_fixtures_need_no_repair_and_have_their_topology() {
         ("cylinder.obj", 2, 0, 100.0),
         ("cone.obj", 2, 0, 90.0),
         ("tangent-developable.obj", 1, 0, 110.0),
+        ("cone-patch.obj", 1, 0, 47.0),
+        ("twisted-patch.obj", 1, 0, 28.0),
         ("ball.stl", 0, 0, 60.0),
         ("ball.ply", 0, 0, 60.0),
         ("ball.off", 0, 0, 60.0),
@@ -53,7 +55,7 @@ fn good_fixtures_need_no_repair_and_have_their_topology() {
 
 #[test]
 fn developable_fixtures_are_developable() {
-    for name in ["cylinder.obj", "cone.obj", "tangent-developable.obj"] {
+    for name in ["cylinder.obj", "cone.obj", "tangent-developable.obj", "cone-patch.obj", "twisted-patch.obj"] {
         let (mesh, _) = load(name, 0, Components::One).unwrap();
         let inner = mesh.vertices().filter(|&v| !mesh.is_boundary_vertex(v));
         let worst = inner.map(|v| mesh.angle_defect(v).abs()).fold(0.0, f64::max);

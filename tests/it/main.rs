@@ -11,6 +11,7 @@ mod job;
 mod layout;
 mod machine;
 mod meshes;
+mod mill;
 mod pieces;
 mod plain;
 mod ports;

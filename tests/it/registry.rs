@@ -28,6 +28,13 @@ fn every_recipe_plans_with_its_defaults() {
         let made = plan(Config::parse(&text).unwrap()).unwrap_or_else(|err| panic!("{}: {err}", recipe.name));
         let names: Vec<_> = made.stages.iter().map(|it| it.0.name).collect();
         assert_eq!(names, recipe.stages, "{}", recipe.name);
+        for (machine, on_top) in [("mill-ac", recipe.of_blocks), ("hot-wire", recipe.of_blocks), ("pen-plotter", &[])] {
+            let sets = [format!("recipe={}", recipe.name), format!("machine.profile={machine}")];
+            let text = ConfigText::for_mesh("mesh.obj".as_ref(), &sets).unwrap();
+            let made = plan(Config::parse(&text).unwrap()).unwrap_or_else(|err| panic!("{}: {err}", recipe.name));
+            let names: Vec<_> = made.stages.iter().map(|it| it.0.name).collect();
+            assert_eq!(names, [recipe.stages, on_top].concat(), "{} on {machine}", recipe.name);
+        }
     }
 }
 
@@ -54,6 +61,10 @@ fn every_pair_of_profiles_that_go_together_plans() {
 #[test]
 fn every_stage_belongs_to_a_recipe() {
     for stage in STAGES {
-        assert!(RECIPES.iter().any(|it| it.stages.contains(&stage.name)), "{}", stage.name);
+        assert!(
+            RECIPES.iter().any(|it| it.stages.contains(&stage.name) || it.of_blocks.contains(&stage.name)),
+            "{}",
+            stage.name
+        );
     }
 }

@@ -2,6 +2,7 @@
 //! files and the common subset of foreign ones; what it cannot follow it says.
 use std::f64::consts::TAU;
 
+pub mod axes;
 pub mod path;
 mod program;
 mod words;
