@@ -266,6 +266,36 @@ impl EditMesh {
         }
     }
 
+    /// Takes back the collapse of the inner edge of `h`, whose tail was `u`, and puts `u` at `position`: the vertex split of a
+    /// progressive mesh (Hoppe 1996). Only the latest collapse that has not been taken back may be, and no other edit may
+    /// have come after it; marks that the collapse joined stay joined.
+    pub fn undo_collapse(&mut self, h: HalfedgeId, u: VertexId, position: Vec3) {
+        let t = HalfedgeId(self.twins[h.index()]);
+        // The inner halfedges of dead faces still know their twins: apex → v, v → apex on the side of h, and on that of t.
+        let [n, p, tn, tp] = [self.next(h), self.previous(h), self.next(t), self.previous(t)];
+        let outer = |it: HalfedgeId| HalfedgeId(self.twins[it.index()]);
+        let [x, y, tx, ty] = [n, p, tn, tp].map(outer);
+        let (v, c, d) = (self.tail(y), self.tail(x), self.tail(tx));
+        for (slot, tail) in [(h, u), (n, v), (p, c), (t, v), (tn, u), (tp, d)] {
+            self.tails[slot.index()] = tail.0;
+        }
+        for (inner, outer) in [(n, x), (p, y), (tn, tx), (tp, ty)] {
+            self.twins[outer.index()] = inner.0;
+        }
+        // The fan from c to d goes back to u.
+        let mut at = y;
+        while at != tn {
+            self.tails[at.index()] = u.0;
+            at = HalfedgeId(self.twins[self.previous(at).index()]);
+        }
+        for (vertex, out) in [(u, h), (v, t), (c, p), (d, tp)] {
+            self.outgoing[vertex.index()] = out.0;
+        }
+        self.positions[u.index()] = position;
+        self.vertices += 1;
+        self.faces += 2;
+    }
+
     /// Turns the outgoing halfedge of `v` clockwise to the boundary, if there is one.
     fn boundary_first(&mut self, v: VertexId) {
         let first = HalfedgeId(self.outgoing[v.index()]);

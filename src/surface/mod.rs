@@ -1,5 +1,5 @@
 //! Algorithms on surfaces that several stages share: edge collapse, charts, flattening, cut graphs, opening, directions of
-//! rulings, subdivision.
+//! rulings, sphere maps, subdivision.
 
 pub mod boundary_first;
 pub mod chart;
@@ -15,6 +15,7 @@ pub mod overlap;
 pub mod paths;
 pub mod rulings;
 pub mod seam_fit;
+pub mod sphere_map;
 mod subdivide;
 
 pub use subdivide::subdivide;

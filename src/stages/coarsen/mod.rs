@@ -1,4 +1,5 @@
-//! Coarsening: fewer faces, the same shape. Edge collapse by quadric error, or isotropic remeshing.
+//! Coarsening: fewer faces, the same shape. Edge collapse by quadric error, isotropic remeshing, or a pattern
+//! of triangles through a conformal map to the sphere.
 
 mod isotropic;
 mod quadric;
@@ -9,8 +10,12 @@ mod tests;
 mod tolerance;
 
 use crate::{
+    geom::Vec3,
     mesh::{Bvh, FaceId, MeshError, TriMesh, distance},
     numeric::{Cancelled, Monitor},
+    surface::sphere_map::{
+        Locator, Method, Pattern, SphereError, TessellateError, extremes, pull_back, sphere_map, with_poles,
+    },
 };
 
 use isotropic::Target;
@@ -48,6 +53,18 @@ pub enum Density {
     Faces(usize),
 }
 
+/// What [`tessellate`] should make.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TessellationOptions {
+    /// The pattern on the sphere.
+    pub pattern: Pattern,
+    /// The top of the pattern (z) goes to the vertex farthest along the first, its lowest point to the one farthest against it;
+    /// its first meridian (x) passes what is farthest along the second. Any lengths but 0.
+    pub axes: [Vec3; 2],
+    /// Whether the pattern is evened out on the surface.
+    pub compensate: bool,
+}
+
 /// Why coarsening failed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CoarsenError {
@@ -65,6 +82,9 @@ pub enum CoarsenError {
         /// Faces left.
         reached: usize,
     },
+    /// There is no map to the sphere.
+    #[error("coarsen.method = \"sphere\": {0}")]
+    Sphere(SphereError),
     /// A face lost its area.
     #[error("coarsening made a face that is not usable: {0}; try another number of faces, or method = \"off\"")]
     Mesh(#[from] MeshError),
@@ -101,6 +121,26 @@ pub fn remesh(source: &TriMesh, options: &IsotropicOptions, monitor: &Monitor) -
     };
     let target = Target { length, faces, feature_angle: options.feature_angle };
     isotropic::remesh(source, &Bvh::new(source), &target, options.max_error, monitor)
+}
+
+/// A regular pattern of triangles on the surface, through its conformal map to the sphere: the pattern leads what the developed
+/// result looks like.
+pub fn tessellate(source: &TriMesh, options: &TessellationOptions, monitor: &Monitor) -> Result<TriMesh, CoarsenError> {
+    let map = sphere_map(source, Method::Auto, monitor).map_err(refused)?;
+    let [top, front] = options.axes;
+    let points = with_poles(source, &map.points, extremes(source, top), front);
+    let locator = Locator::new(source, &points);
+    pull_back(&locator, options.pattern, options.compensate, monitor).map_err(|err| match err {
+        TessellateError::Sphere(err) => refused(err),
+        TessellateError::Mesh(err) => CoarsenError::Mesh(err),
+    })
+}
+
+fn refused(err: SphereError) -> CoarsenError {
+    match err {
+        SphereError::Cancelled(it) => CoarsenError::Interrupted(it),
+        other => CoarsenError::Sphere(other),
+    }
 }
 
 /// How closely the distance of a result is bounded.

@@ -2,8 +2,12 @@
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::{CoarsenError, Density, IsotropicOptions, QuadricOptions, remesh, simplify, smallest_angle};
+use super::{
+    CoarsenError, Density, IsotropicOptions, QuadricOptions, TessellationOptions, remesh, simplify, smallest_angle,
+    tessellate,
+};
 use crate::{
+    geom::Vec3,
     mesh::{
         TriMesh,
         distance::{SurfaceDistance, two_sided_bounds},
@@ -12,6 +16,7 @@ use crate::{
     numeric::Monitor,
     profile::{Angle, Extent, Length, Profiles},
     stage::{Check, Cx, KeyError, Section, Stage},
+    surface::sphere_map::Pattern,
 };
 
 /// Faces asked for when the table does not say: about 3 000 vertices, which the develop stage takes as they are.
@@ -48,6 +53,16 @@ pub struct CoarsenStage {
     pub edge_length: Option<Length>,
     /// Edges whose faces make a larger angle are creases and are kept, degrees.
     pub feature_angle: Angle,
+    /// What "sphere" covers the surface with.
+    pub tessellation: Tessellation,
+    /// Meridians and rings of tessellation = "latitude-longitude", instead of `faces`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub grid: Option<[usize; 2]>,
+    /// The pole of the tessellation lies where the input ends in this direction; up when absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pole: Option<[f64; 3]>,
+    /// Whether the tessellation is evened out on the surface; otherwise limbs get few faces.
+    pub compensate: bool,
 }
 
 impl Default for CoarsenStage {
@@ -58,6 +73,42 @@ impl Default for CoarsenStage {
             max_error: None,
             edge_length: None,
             feature_angle: Angle::degrees(40.0),
+            tessellation: Tessellation::Icosahedron,
+            grid: None,
+            pole: None,
+            compensate: true,
+        }
+    }
+}
+
+/// Patterns of triangles, as they are written in the config.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Tessellation {
+    /// Eight triangles, divided.
+    Octahedron,
+    /// Twenty triangles, divided.
+    Icosahedron,
+    /// Six squares, divided.
+    Cube,
+    /// Rings and meridians between two poles.
+    LatitudeLongitude,
+}
+
+impl Tessellation {
+    /// The pattern with about that many faces, or with the meridians and rings of `grid`.
+    fn pattern(self, faces: usize, grid: Option<[usize; 2]>) -> Pattern {
+        let side = |least: f64| ((faces as f64 / least).sqrt().round() as usize).max(1);
+        match self {
+            Self::Octahedron => Pattern::Octahedron(side(8.0)),
+            Self::Icosahedron => Pattern::Icosahedron(side(20.0)),
+            Self::Cube => Pattern::Cube(side(12.0)),
+            Self::LatitudeLongitude => {
+                // Twice as many meridians as rings: squares on the equator.
+                let rings = side(4.0);
+                let [meridians, rings] = grid.unwrap_or([2 * rings, rings]);
+                Pattern::LatitudeLongitude { meridians, rings }
+            }
         }
     }
 }
@@ -72,6 +123,8 @@ pub enum Method {
     Quadric,
     /// Remeshing with nearly equilateral faces.
     Isotropic,
+    /// A regular pattern of triangles, through a conformal map of the input to the sphere.
+    Sphere,
     /// The mesh as it is.
     Off,
 }
@@ -82,6 +135,7 @@ enum Plan {
     Off,
     Quadric(QuadricOptions),
     Isotropic(IsotropicOptions),
+    Sphere(TessellationOptions),
 }
 
 impl Plan {
@@ -90,12 +144,14 @@ impl Plan {
             Self::Off => "off",
             Self::Quadric(_) => "quadric",
             Self::Isotropic(_) => "isotropic",
+            Self::Sphere(_) => "sphere",
         }
     }
 }
 
 impl CoarsenStage {
-    fn plan(&self, mesh: &TriMesh) -> Plan {
+    /// `up` is the axis that points up.
+    fn plan(&self, mesh: &TriMesh, up: usize) -> Plan {
         let extent = |it: Extent| it.resolve(mesh.bounds().diagonal());
         let feature_angle = self.feature_angle.radians;
         let isotropic = |faces: usize| {
@@ -108,6 +164,17 @@ impl CoarsenStage {
         let count = mesh.face_count();
         match self.method {
             Method::Off => Plan::Off,
+            Method::Sphere => {
+                let axis = |k: usize| Vec3::from_fn(|i, _| f64::from(u8::from(i == k)));
+                let pole = self.pole.map_or(axis(up), Vec3::from);
+                // The first meridian on the side of the axis that is most across the pole.
+                let across = axis(pole.iamin());
+                Plan::Sphere(TessellationOptions {
+                    pattern: self.tessellation.pattern(self.faces.unwrap_or(FACES), self.grid),
+                    axes: [pole, across],
+                    compensate: self.compensate,
+                })
+            }
             Method::Isotropic => isotropic(self.faces.unwrap_or(FACES)),
             Method::Quadric => Plan::Quadric(QuadricOptions {
                 faces: self.faces.or(self.max_error.is_none().then_some(FACES)),
@@ -155,23 +222,31 @@ impl Stage for CoarsenStage {
             if self.faces.is_some() {
                 return refuse("says the same as `faces`: write one of them");
             }
-            if matches!(self.method, Method::Quadric | Method::Off) {
+            if matches!(self.method, Method::Quadric | Method::Sphere | Method::Off) {
                 return refuse("is for method = \"isotropic\" or \"auto\"");
             }
+        }
+        if let Some([meridians, rings]) = self.grid {
+            KeyError::range("grid", meridians as f64, 3.0, 1e4)?;
+            KeyError::range("grid", rings as f64, 1.0, 1e4)?;
+        }
+        if self.pole.is_some_and(|it| !Vec3::from(it).norm().is_normal()) {
+            return Err(KeyError { key: "pole", message: "must be a direction such as [0, 1, 0]".into() });
         }
         KeyError::range("feature_angle", self.feature_angle.radians.to_degrees(), 1.0, 180.0)
     }
 
     fn run(&self, source: &SourceMesh, _: &(), cx: &Cx) -> Result<TriMesh, CoarsenError> {
-        match self.plan(&source.mesh) {
+        match self.plan(&source.mesh, source.up) {
             Plan::Off => Ok(source.mesh.clone()),
             Plan::Quadric(options) => simplify(&source.mesh, &options, &cx.monitor),
             Plan::Isotropic(options) => remesh(&source.mesh, &options, &cx.monitor),
+            Plan::Sphere(options) => tessellate(&source.mesh, &options, &cx.monitor),
         }
     }
 
     fn section(&self, source: &SourceMesh, _: &(), output: &TriMesh) -> Section {
-        let plan = self.plan(&source.mesh);
+        let plan = self.plan(&source.mesh, source.up);
         let diagonal = source.mesh.bounds().diagonal();
         let smallest = output.faces().map(|f| smallest_angle(output, f)).fold(f64::INFINITY, f64::min);
         let (sampled, bound) = if plan == Plan::Off {
@@ -231,6 +306,8 @@ mod tests {
             ("edge_length = 2.0\nfaces = 100", "write one of them"),
             ("edge_length = 2.0\nmethod = \"quadric\"", "is for method"),
             ("feature_angle = 0", "`feature_angle` must be between"),
+            ("method = \"sphere\"\ngrid = [2, 5]", "`grid` must be between"),
+            ("pole = [0, 0, 0]", "must be a direction"),
             ("method = \"magic\"", "unknown variant"),
             ("face = 3", "unknown field"),
         ] {
@@ -244,12 +321,12 @@ mod tests {
     #[test]
     fn auto_leaves_good_meshes_and_remeshes_others() {
         let auto = CoarsenStage::default();
-        assert_eq!(auto.plan(&shapes::icosphere(10.0, 4)), Plan::Off);
-        let slivers = auto.plan(&shapes::cylinder(10.0, 500.0, 200, 2));
+        assert_eq!(auto.plan(&shapes::icosphere(10.0, 4), 2), Plan::Off);
+        let slivers = auto.plan(&shapes::cylinder(10.0, 500.0, 200, 2), 2);
         assert!(matches!(slivers, Plan::Isotropic(it) if it.density == Density::Faces(FEW)), "{slivers:?}");
-        let many = auto.plan(&shapes::icosphere(10.0, 6));
+        let many = auto.plan(&shapes::icosphere(10.0, 6), 2);
         assert!(matches!(many, Plan::Isotropic(it) if it.density == Density::Faces(FACES)), "{many:?}");
-        let asked = table("faces = 1000").unwrap().plan(&shapes::icosphere(10.0, 4));
+        let asked = table("faces = 1000").unwrap().plan(&shapes::icosphere(10.0, 4), 2);
         assert!(matches!(asked, Plan::Isotropic(it) if it.density == Density::Faces(1000)), "{asked:?}");
     }
 
@@ -275,5 +352,22 @@ mod tests {
             assert!(section.checks.iter().all(|it| it.ok), "{:?}", section.checks);
             assert_eq!(section.checks.len(), usize::from(stage.max_error.is_some()));
         }
+    }
+
+    #[test]
+    fn tessellations_have_about_the_faces_asked_for_and_refuse_what_is_not_a_sphere() {
+        let cx = Cx { seed: 0, monitor: Monitor::silent(), kept: None, keep: &|_| () };
+        let ball = source(shapes::rounded_cuboid(Vec3::new(20.0, 30.0, 40.0), 8.0, 4, 4));
+        for (name, faces) in [("octahedron", 392), ("icosahedron", 320), ("cube", 432), ("latitude-longitude", 400)] {
+            let stage = table(&format!("method = \"sphere\"\nfaces = 400\ntessellation = \"{name}\"")).unwrap();
+            let output = stage.run(&ball, &(), &cx).unwrap();
+            assert_eq!((output.face_count(), output.genus()), (faces, 0), "{name}");
+            let values = &stage.section(&ball, &(), &output).tables["coarsen"];
+            assert!(values["method"] == "sphere" && values["hausdorff_pct"].as_f64().unwrap() < 6.0, "{values}");
+        }
+        let grid = table("method = \"sphere\"\ntessellation = \"latitude-longitude\"\ngrid = [9, 5]").unwrap();
+        assert_eq!(grid.run(&ball, &(), &cx).unwrap().face_count(), 90);
+        let refused = grid.run(&source(shapes::torus(30.0, 10.0, 20, 10)), &(), &cx).unwrap_err().to_string();
+        assert!(refused.contains("handles") && refused.contains("coarsen.method"), "{refused}");
     }
 }

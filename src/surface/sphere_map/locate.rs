@@ -1,0 +1,169 @@
+//! From the sphere back to the surface: which face a direction lies in, and lines on the sphere as pieces of faces.
+use super::certify::is_positive;
+use crate::{
+    geom::Vec3,
+    mesh::{FaceId, TriMesh},
+};
+
+/// Halvings of a stretch between faces that are not neighbours; a stretch that is shorter still is left out.
+const HALVINGS: u32 = 40;
+
+/// A place in a face by its barycentric coordinates.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spot {
+    /// The face.
+    pub face: FaceId,
+    /// Not negative, sum 1.
+    pub weights: [f64; 3],
+}
+
+impl Spot {
+    /// Where it is on the surface, mm.
+    pub fn position(&self, mesh: &TriMesh) -> Vec3 {
+        let corners = mesh.face_positions(self.face);
+        corners[0] * self.weights[0] + corners[1] * self.weights[1] + corners[2] * self.weights[2]
+    }
+}
+
+/// A stretch of a line within one face.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stretch {
+    /// The face.
+    pub face: FaceId,
+    /// Barycentric coordinates of both ends.
+    pub ends: [[f64; 3]; 2],
+}
+
+/// Finds places of a closed surface by their image on the sphere.
+#[derive(Debug, Clone, Copy)]
+pub struct Locator<'a> {
+    mesh: &'a TriMesh,
+    points: &'a [Vec3],
+}
+
+impl<'a> Locator<'a> {
+    /// `points` is the image of every vertex.
+    pub fn new(mesh: &'a TriMesh, points: &'a [Vec3]) -> Self {
+        assert_eq!(points.len(), mesh.vertex_count(), "one point per vertex");
+        Self { mesh, points }
+    }
+
+    /// The mesh.
+    pub fn mesh(&self) -> &'a TriMesh {
+        self.mesh
+    }
+
+    fn corners(&self, f: FaceId) -> [Vec3; 3] {
+        self.mesh.face_vertices(f).map(|v| self.points[v.0 as usize])
+    }
+
+    /// det(p, b, c), det(a, p, c), det(a, b, p) over their sum: all not negative inside.
+    fn weights(&self, f: FaceId, p: Vec3) -> [f64; 3] {
+        let [a, b, c] = self.corners(f);
+        // From differences to the first corner, which keeps the digits of small faces.
+        let (ab, ac, ap) = (b - a, c - a, p - a);
+        let volumes = [p.dot(&(b - p).cross(&(c - p))), a.dot(&ap.cross(&ac)), a.dot(&ab.cross(&ap))];
+        let sum: f64 = volumes.iter().sum();
+        volumes.map(|it| it / sum)
+    }
+
+    /// The face that a direction lies in, searched by walking from `hint`, where it is quickest.
+    pub fn locate(&self, p: Vec3, hint: FaceId) -> Spot {
+        let mut at = hint;
+        let longest = 200 + 8 * (self.mesh.face_count() as f64).sqrt() as usize;
+        for step in 0..longest {
+            let [a, b, c] = self.corners(at);
+            let inside = [a.dot(&b.cross(&p)), b.dot(&c.cross(&p)), c.dot(&a.cross(&p))];
+            // Another side first on every other step, so that a walk in a circle ends.
+            let sides = if step % 2 == 0 { [0, 1, 2] } else { [2, 1, 0] };
+            let Some(k) = sides.into_iter().find(|&k| inside[k] < 0.0) else {
+                if (a + b + c).dot(&p) > 0.0 {
+                    return self.spot(at, p);
+                }
+                break;
+            };
+            let Some(twin) = self.mesh.twin(self.mesh.face_halfedges(at)[k]) else { break };
+            at = self.mesh.face(twin);
+        }
+        self.search(p)
+    }
+
+    /// The same by looking at every face.
+    fn search(&self, p: Vec3) -> Spot {
+        let depth = |f: FaceId| {
+            let [a, b, c] = self.corners(f);
+            let least =
+                [a.cross(&b), b.cross(&c), c.cross(&a)].map(|it| it.dot(&p)).into_iter().fold(f64::INFINITY, f64::min);
+            if (a + b + c).dot(&p) > 0.0 { least } else { f64::NEG_INFINITY }
+        };
+        let best = self.mesh.faces().max_by(|&f, &g| depth(f).total_cmp(&depth(g)).then(g.cmp(&f)));
+        self.spot(best.unwrap_or(FaceId(0)), p)
+    }
+
+    fn spot(&self, face: FaceId, p: Vec3) -> Spot {
+        let weights = self.weights(face, p).map(|it| if it.is_finite() { it.max(0.0) } else { 1.0 });
+        let sum: f64 = weights.iter().sum();
+        Spot { face, weights: weights.map(|it| it / sum) }
+    }
+
+    /// A line on the sphere, given by points not farther apart than a right angle, as stretches within faces.
+    pub fn trace(&self, line: &[Vec3]) -> Vec<Stretch> {
+        let mut out = Vec::new();
+        let mut hint = FaceId(0);
+        for pair in line.windows(2) {
+            let from = self.locate(pair[0], hint);
+            let to = self.locate(pair[1], from.face);
+            self.join([pair[0], pair[1]], [from, to], HALVINGS, &mut out);
+            hint = to.face;
+        }
+        out
+    }
+
+    fn join(&self, [p, q]: [Vec3; 2], [from, to]: [Spot; 2], halvings: u32, out: &mut Vec<Stretch>) {
+        if from.face == to.face {
+            out.push(Stretch { face: from.face, ends: [from.weights, to.weights] });
+            return;
+        }
+        let shared = self
+            .mesh
+            .face_halfedges(from.face)
+            .into_iter()
+            .position(|h| self.mesh.twin(h).is_some_and(|twin| self.mesh.face(twin) == to.face));
+        if let Some(k) = shared {
+            // Where the plane of p and q cuts the edge between the faces.
+            let h = self.mesh.face_halfedges(from.face)[k];
+            let normal = p.cross(&q);
+            let [a, b] = [self.mesh.tail(h), self.mesh.head(h)];
+            let [da, db] = [a, b].map(|v| normal.dot(&self.points[v.0 as usize]));
+            let share = da / (da - db);
+            if (0.0..=1.0).contains(&share) {
+                let cross = |f: FaceId| {
+                    self.mesh.face_vertices(f).map(|v| {
+                        if v == a {
+                            1.0 - share
+                        } else if v == b {
+                            share
+                        } else {
+                            0.0
+                        }
+                    })
+                };
+                out.push(Stretch { face: from.face, ends: [from.weights, cross(from.face)] });
+                out.push(Stretch { face: to.face, ends: [cross(to.face), to.weights] });
+                return;
+            }
+        }
+        let middle = (p + q).normalize();
+        if halvings > 0 && middle != p && middle != q {
+            let spot = self.locate(middle, from.face);
+            self.join([p, middle], [from, spot], halvings - 1, out);
+            self.join([middle, q], [spot, to], halvings - 1, out);
+        }
+    }
+
+    /// Whether a move of the image of a vertex keeps the faces `fan` (its opposite edges) open.
+    pub(super) fn is_open(p: Vec3, fan: impl Iterator<Item = [Vec3; 2]>) -> bool {
+        let mut fan = fan;
+        fan.all(|[b, c]| is_positive([p, b, c]))
+    }
+}
