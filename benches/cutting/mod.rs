@@ -24,6 +24,8 @@ pub(crate) fn options(stretch: f64) -> Options {
         new_piece: 0.03,
         halvings: 1,
         min_area: 36.0,
+        min_neck: 4.0,
+        neck: 0.12,
         prefer: vec![],
         avoid: vec![],
         seams: vec![],

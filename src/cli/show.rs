@@ -117,7 +117,7 @@ const SUMMARY: &[(&str, &[(&str, &str)])] = &[
         "developed",
         &[("/develop/covariance_energy", "energy"), ("/develop/hausdorff_pct", "% off"), ("/develop/folds", "folds")],
     ),
-    ("cut", &[("/cut/pieces", "pieces"), ("/cut/seam_length_mm", "mm of seam")]),
+    ("cut", &[("/cut/pieces", "pieces"), ("/cut/seam_length_mm", "mm of seam"), ("/cut/narrow_necks", "narrow necks")]),
     (
         "flat",
         &[("/flatten/p99_abs_log_scale", "log scale (99 %)"), ("/flatten/max_abs_log_scale", "log scale (worst)")],

@@ -4,6 +4,7 @@ pub mod arcs;
 pub mod boolean;
 pub mod ears;
 pub mod motion;
+pub mod neck;
 pub mod outline;
 pub mod polygon;
 pub mod polyline;

@@ -85,6 +85,15 @@ pub fn area(contours: &[Vec<Vec2>]) -> f64 {
     contours.iter().map(|it| super::signed_area(it)).sum()
 }
 
+/// Short side of the rectangle with this area and perimeter, mm: how wide a strip is, however it winds. Where there is no
+/// such rectangle, because the shape is rounder than a square, the side of the square with this area.
+pub fn strip_width(area: f64, perimeter: f64) -> f64 {
+    let half = 0.5 * perimeter;
+    let square = half * half - 4.0 * area;
+    // 2 area / (half + √…) is the smaller root without cancellation.
+    if square > 0.0 { 2.0 * area / (half + square.sqrt()) } else { area.sqrt() }
+}
+
 /// Convex hull, counter-clockwise, without collinear points (Andrew's monotone chain).
 pub fn convex_hull(points: &[Vec2]) -> Vec<Vec2> {
     let mut sorted = points.to_vec();

@@ -213,6 +213,10 @@ pub struct Material {
     pub stretch: f64,
     /// Side of a square: pieces of a smaller area are too small to handle, and made only where nothing else lies flat.
     pub min_piece: Length,
+    /// Pieces hang together by at least this, and are no strips narrower than this, unless nothing else lies flat: less tears
+    /// or bends away while it is cut and joined. Any width does where it is absent.
+    #[serde(default)]
+    pub min_neck: Length,
     /// Smallest radius to which the sheet can be rolled; absent where it may be folded, or nobody knows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bend_radius: Option<Length>,
@@ -246,6 +250,7 @@ impl Rule for Material {
         at_least_zero("gap", self.gap.mm)?;
         within("stretch", self.stretch, 0.0, 1.0)?;
         at_least_zero("min_piece", self.min_piece.mm)?;
+        at_least_zero("min_neck", self.min_neck.mm)?;
         within("neutral_layer", self.neutral_layer, -1.0, 1.0)?;
         at_least_zero("bend_radius", self.bend_radius.map_or(0.0, |it| it.mm))?;
         let short = self.sheet[0].mm.min(self.sheet[1].mm);

@@ -8,7 +8,7 @@ const UNITS: &[(&str, f64)] =
     &[("mm", 1.0), ("cm", 10.0), ("m", 1000.0), ("um", 1e-3), ("µm", 1e-3), ("in", 25.4), ("ft", 304.8)];
 
 /// A length, written as a number of millimetres or as a string with a unit: `3`, `"3 mm"`, `"0.5 in"`.
-#[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Default)]
 pub struct Length {
     /// Millimetres.
     pub mm: f64,

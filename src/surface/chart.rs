@@ -86,6 +86,11 @@ impl Chart {
         })
     }
 
+    /// The loops laid out as `uv` has the local vertices.
+    pub fn contours(&self, uv: &[Vec2]) -> Vec<Vec<Vec2>> {
+        self.loops.iter().map(|path| path.iter().map(|&(_, v)| uv[v as usize]).collect()).collect()
+    }
+
     /// The longest step along `moves` that no triangle collapses on, with a margin; infinite where none does.
     pub fn longest_step(&self, uv: &[Vec2], moves: &[Vec2]) -> f64 {
         let mut longest = f64::INFINITY;

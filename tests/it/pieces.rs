@@ -283,6 +283,61 @@ fn pieces_under_the_useful_size_grow() {
     assert!(with < without, "{with} of {without} are left");
 }
 
+/// Squares of 2 mm: two plates of 20 by 20 mm and between them a bridge of 10 by 2 mm.
+fn dumbbell() -> TriMesh {
+    let square = |x: u32, y: u32| x < 10 || x >= 15 || y == 4;
+    let at = |x: u32, y: u32| x * 11 + y;
+    let squares = (0..25).flat_map(|x| (0..10).map(move |y| (x, y))).filter(|&(x, y)| square(x, y));
+    let corners = squares.flat_map(|(x, y)| {
+        let [a, b, c, d] = [at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)];
+        [[a, b, c], [a, c, d]]
+    });
+    let corners: Vec<[u32; 3]> = corners.collect();
+    let mut used: Vec<u32> = corners.iter().flatten().copied().collect();
+    used.sort_unstable();
+    used.dedup();
+    let place = |v: &u32| Vec3::new(f64::from(v / 11), f64::from(v % 11), 0.0) * 2.0;
+    let faces: Vec<[u32; 3]> = corners.iter().map(|it| it.map(|v| used.binary_search(&v).unwrap() as u32)).collect();
+    TriMesh::new(used.iter().map(place).collect(), &faces).unwrap()
+}
+
+#[test]
+fn pieces_are_divided_at_necks() {
+    let input = developable(dumbbell());
+    for (min_neck, pieces) in [(0.0, 1), (1.9, 1), (4.0, 2)] {
+        let asked = cut::Options { min_neck, ..options(0.005) };
+        let cut = cut(&input, &asked, &Monitor::silent()).unwrap();
+        let flat = flatten(&cut, &cutting::flat(), &Monitor::silent()).unwrap();
+        check_laws(&format!("{min_neck} mm"), &input, &cut, &flat);
+        assert_eq!(cut.pieces.len(), pieces, "{min_neck} mm");
+        let (necks, strips) = cut::narrow(&cut, 4.0, 0.002);
+        assert!(strips.is_empty());
+        if pieces == 2 {
+            assert!(necks.is_empty(), "{necks:?}");
+            let seam = &cut.seams[0].sides[0];
+            assert!(seam.iter().map(|&h| cut.mesh.vector(h).norm()).sum::<f64>() < 3.0);
+        } else {
+            let [neck] = necks[..] else { panic!("{necks:?}") };
+            assert!((neck.width - 2.0).abs() < 1e-9 && (20.0..=30.0).contains(&neck.place.x), "{neck:?}");
+            assert!((400.0..=420.0).contains(&neck.hanging), "{neck:?}");
+        }
+    }
+}
+
+#[test]
+fn where_pieces_are_dear_they_hang_together_by_hinges() {
+    let input = developable(potato(2));
+    let pieces = |asked: cut::Options| {
+        let cut = cut(&input, &asked, &Monitor::silent()).unwrap();
+        let flat = flatten(&cut, &cutting::flat(), &Monitor::silent()).unwrap();
+        check_laws(&format!("{} for a piece", asked.new_piece), &input, &cut, &flat);
+        cut.pieces.len()
+    };
+    let few = pieces(options(0.008));
+    let hinged = pieces(cut::Options { new_piece: 0.5, neck: 0.02, halvings: 6, ..options(0.008) });
+    assert!(hinged < few, "{hinged} and {few} pieces");
+}
+
 #[test]
 fn every_vertex_a_terminal_or_none() {
     for energy in [1.0, 0.0] {

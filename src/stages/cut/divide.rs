@@ -8,7 +8,8 @@ use crate::{
 /// Starting points tried at most; more boundary vertices than that are thinned out evenly.
 const STARTS: usize = 300;
 
-/// The edges of the best dividing path: between two boundary vertices, through the inside. `new_piece` is what one more
+/// The edges of the path that divides a piece best so that pairs of edges of its outline (`conflicts`) part: between two
+/// boundary vertices, through the inside. `new_piece` is what one more
 /// piece is worth in units of weighted length, `min_area` the least useful area of one, mm².
 ///
 /// A path from boundary vertex i to j separates the outline edges i … j−1 from the others, so how many conflicting pairs
@@ -16,7 +17,7 @@ const STARTS: usize = 300;
 /// pairs over (weighted length + `new_piece`, more for a side without area).
 pub(super) fn dividing_path(
     mesh: &TriMesh,
-    piece: &Piece,
+    (piece, conflicts): (&Piece, &[(usize, usize)]),
     weight: &Field<EdgeId, f64>,
     new_piece: f64,
     min_area: f64,
@@ -31,7 +32,7 @@ pub(super) fn dividing_path(
         position[v as usize] = i;
     }
     let mut partners: Vec<Vec<usize>> = vec![Vec::new(); n];
-    for &(i, j) in &piece.conflicts {
+    for &(i, j) in conflicts {
         partners[i].push(j);
         partners[j].push(i);
     }
@@ -48,7 +49,7 @@ pub(super) fn dividing_path(
         let share = (area.min((total_area - area).abs()) / useful_area).min(1.0);
         length + new_piece * (1.0 + 4.0 * (1.0 - share))
     };
-    let tips: Vec<usize> = piece.conflicts.iter().filter(|it| it.0 + 1 == it.1 || it.1 == 0).map(|it| it.1).collect();
+    let tips: Vec<usize> = conflicts.iter().filter(|it| it.0 + 1 == it.1 || it.1 == 0).map(|it| it.1).collect();
     let stride = n.div_ceil(STARTS);
     let mut starts: Vec<usize> = (0..n).step_by(stride).chain(tips).collect();
     starts.sort_unstable();

@@ -9,6 +9,11 @@ use crate::{
 
 /// The search ends after so many trials at the latest: pieces of a few faces hardly count as effort.
 const TRIALS: usize = 400;
+/// Pieces with more than this share of all faces together are left as they are: small ones are cut anew many times for the
+/// effort of once.
+const LARGEST: f64 = 0.2;
+/// Of so few pieces every pair is cut anew.
+const FEW: usize = 6;
 /// How much creases attract seams, in turn.
 const ATTRACTIONS: [f64; 4] = [2.0, 0.5, 4.0, 1.0];
 /// Peaks of stretch relieved at a time, in turn.
@@ -41,6 +46,11 @@ impl Search<'_> {
                 break;
             }
             let [p, q] = self.sides(seams[random.below(seams.len())]);
+            let faces = |id: u32| self.pieces[id as usize].as_ref().map_or(0, |it| it.chart.faces.len());
+            let size = faces(p) + if p == q { 0 } else { faces(q) };
+            if size as f64 > LARGEST * self.mesh.face_count() as f64 && self.pieces.iter().flatten().count() > FEW {
+                continue;
+            }
             self.attract(ATTRACTIONS[random.below(ATTRACTIONS.len())]);
             self.peaks = PEAKS[random.below(PEAKS.len())];
             self.recreate(p, q)?;

@@ -1,7 +1,7 @@
 //! Glues seams again where the pieces stay within the limit and flat.
 use std::collections::BTreeMap;
 
-use super::{CutError, piece::Piece, search::Search};
+use super::{CutError, hinge::Hinge, piece::Piece, search::Search};
 use crate::{
     mesh::{EdgeId, FaceId, HalfedgeId},
     surface::{cut_graph::arcs, flatten::Limit},
@@ -31,12 +31,15 @@ struct Failure {
     pieces: [u32; 2],
     /// The area of both, mm².
     area: f64,
+    /// Whether it lies flat but costs more, say for a neck: that says nothing about other runs and pieces.
+    dear: bool,
 }
 
 /// Unions of fewer faces are judged whole at once.
 const LEAST_WITH_VICINITY: usize = 100;
-/// The vicinity of a run is this part of all faces.
-const VICINITY: usize = 4;
+/// The vicinities of a run that are judged before all of it are these parts of all faces: most of what cannot be glued
+/// shows close by.
+const VICINITIES: [usize; 2] = [16, 4];
 
 impl Search<'_> {
     /// Tries to glue every arc of the cut between pieces from `first` on, whole or in parts, those first that save most for
@@ -120,6 +123,9 @@ impl Search<'_> {
         let before = run.iter().filter_map(|e| self.failures.0.get(e)).flatten();
         before.into_iter().any(|it| {
             let [a, b] = it.pieces.map(|id| self.living(id));
+            if it.dear {
+                return it.pieces == [p, q] && it.run == run;
+            }
             area < GROWTH * it.area
                 && [p, q] == [a.min(b), a.max(b)]
                 && it.run.iter().all(|e| run.binary_search(e).is_ok())
@@ -140,50 +146,70 @@ impl Search<'_> {
         }
         let mut sorted = run.to_vec();
         sorted.sort_unstable();
-        if self.has_failed(&sorted, [p, q], area) {
+        if self.has_failed(&sorted, [p, q], area) || (p != q && self.is_seen_to_fail([live(p), live(q)], run)) {
             return Ok(false);
         }
         let closed = p == q && {
             let slits = live(p).closed_slits(self.mesh, self.options.clearance);
             run.iter().all(|e| slits.contains(e))
         };
+        let both = if p == q { vec![live(p)] } else { vec![live(p), live(q)] };
+        let before = self.length(run) + self.price(both.into_iter());
         for &e in run {
             self.cut[e] = false;
         }
         let chart = self.builder.chart(faces, &|e| self.cut[e]);
-        if chart.is_disk() || (closed && chart.is_planar()) {
-            if !self.vicinity_lies_flat(run, &chart.faces, area)? {
-                return self.give_up(sorted, [p, q], area);
+        if !(chart.is_disk() || (closed && chart.is_planar())) {
+            for &e in run {
+                self.cut[e] = true;
             }
-            let piece = self.judge(chart.faces)?;
-            if piece.is_good() {
-                for id in [p, q] {
-                    self.pieces[id as usize] = None;
-                    self.glued_into[id as usize] = self.pieces.len() as u32;
-                }
-                self.insert(piece);
-                return Ok(true);
-            }
-            return self.give_up(sorted, [p, q], area);
+            return Ok(false);
         }
-        for &e in run {
+        let mut failure = Failure { run: sorted, pieces: [p, q], area, dear: false };
+        for part in VICINITIES {
+            if !self.vicinity_lies_flat(run, &chart.faces, area, part)? {
+                return self.give_up(failure);
+            }
+        }
+        let piece = self.judge(chart.faces)?;
+        failure.dear = piece.is_good();
+        if !piece.is_good() || self.price([&piece].into_iter()) > before {
+            return self.give_up(failure);
+        }
+        for id in [p, q] {
+            self.pieces[id as usize] = None;
+            self.glued_into[id as usize] = self.pieces.len() as u32;
+        }
+        self.insert(piece);
+        Ok(true)
+    }
+
+    /// Whether two pieces would lie on one another along `run`, or two useful ones hang together by less than the least
+    /// neck.
+    fn is_seen_to_fail(&self, [first, second]: [&Piece; 2], run: &[EdgeId]) -> bool {
+        let dear = self.neck > self.new_piece && !self.is_small(first) && !self.is_small(second);
+        let narrow = |hinge: &Hinge| dear && hinge.span < self.options.min_neck;
+        Hinge::new(self.mesh, first, second, run).is_some_and(|it| narrow(&it) || it.overlaps(first))
+    }
+
+    /// Cuts its run again and remembers a failure.
+    fn give_up(&mut self, failure: Failure) -> Result<bool, CutError> {
+        for &e in &failure.run {
             self.cut[e] = true;
         }
+        self.failures.0.entry(failure.run[0]).or_default().push(failure);
         Ok(false)
     }
 
-    /// Cuts `run` (ascending) again and remembers that it failed.
-    fn give_up(&mut self, run: Vec<EdgeId>, pieces: [u32; 2], area: f64) -> Result<bool, CutError> {
-        for &e in &run {
-            self.cut[e] = true;
-        }
-        self.failures.0.entry(run[0]).or_default().push(Failure { run, pieces, area });
-        Ok(false)
-    }
-
-    /// Whether the faces around `run`, cut out of `faces` (ascending, of `area` together), lie flat: they must if all do,
+    /// Whether the faces around `run`, one `part`-th of `faces` (ascending, of `area` together), lie flat: they must if all do,
     /// and are judged at a fraction of the cost. True also where they are no disk.
-    fn vicinity_lies_flat(&mut self, run: &[EdgeId], faces: &[FaceId], area: f64) -> Result<bool, CutError> {
+    fn vicinity_lies_flat(
+        &mut self,
+        run: &[EdgeId],
+        faces: &[FaceId],
+        area: f64,
+        part: usize,
+    ) -> Result<bool, CutError> {
         if faces.len() < LEAST_WITH_VICINITY {
             return Ok(true);
         }
@@ -203,7 +229,7 @@ impl Search<'_> {
             mesh.twin(h).into_iter().for_each(|twin| reach(twin, &mut near));
         }
         let mut done = 0;
-        while done < near.len() && near.len() < faces.len() / VICINITY {
+        while done < near.len() && near.len() < faces.len() / part {
             for h in mesh.face_halfedges(near[done]) {
                 let across = mesh.twin(h).filter(|_| !self.cut[mesh.edge(h)]);
                 across.into_iter().for_each(|twin| reach(twin, &mut near));

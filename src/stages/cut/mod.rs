@@ -7,8 +7,11 @@
 //! pieces and pairs of them are cut anew as long as that makes the seams shorter.
 mod divide;
 mod guide;
+mod hinge;
 mod improve;
 mod join;
+mod narrow;
+mod neck;
 mod obstacle;
 mod piece;
 mod relieve;
@@ -16,8 +19,10 @@ mod search;
 mod sheet;
 mod small;
 pub mod stage;
+mod straighten;
 
 pub use guide::{Traced, left_uncut, painted, trace};
+pub use narrow::{NarrowNeck, narrow};
 pub use obstacle::{Obstacle, obstacle};
 
 use crate::{
@@ -66,6 +71,10 @@ pub struct Options {
     pub halvings: u32,
     /// Area under which a piece is of no use, mm².
     pub min_area: f64,
+    /// Pieces are kept from hanging together by less than this and from being strips narrower than this, mm.
+    pub min_neck: f64,
+    /// What a neck narrower than that costs, as a length of seam over the bounding-box diagonal.
+    pub neck: f64,
     /// Parts that seams are led to where that costs little.
     pub prefer: Vec<Region>,
     /// Parts that seams are kept off where that costs little.

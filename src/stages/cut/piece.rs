@@ -1,7 +1,11 @@
 //! One piece on trial: its chart, its log factors, its flat outline and what is wrong with it.
 use super::{Options, sheet::too_far_apart};
 use crate::{
-    geom::Vec2,
+    geom::{
+        Vec2,
+        neck::{Neck, necks},
+        polygon::strip_width,
+    },
     mesh::{EdgeId, HalfedgeId, TriMesh},
     surface::{
         chart::{Chart, ChartBuilder, Metric},
@@ -22,6 +26,8 @@ pub(super) struct Piece {
     pub(super) chart: Chart,
     /// Its area in space, mm².
     pub(super) area: f64,
+    /// How wide it is as a strip, mm.
+    pub(super) width: f64,
     /// Log factor u of the conformal map per local vertex.
     pub(super) log_factor: Vec<f64>,
     /// Area of the faces around each local vertex that exceed the limit although polished; empty where it was not tried or
@@ -33,6 +39,8 @@ pub(super) struct Piece {
     /// Pairs of contour edges that cross, touch, enclose less than the least opening, or lie too far apart for the sheet.
     /// Edge i starts at point i, counted through all contours.
     pub(super) conflicts: Vec<(usize, usize)>,
+    /// Where it hangs together by less than the least neck; only of one that is good.
+    pub(super) necks: Vec<Neck>,
 }
 
 impl Piece {
@@ -51,14 +59,23 @@ impl Piece {
         let near = share_above(metric, &chart, &log_factor, POLISHABLE * options.stretch) <= limit.allowed;
         let disk = if near && chart.is_disk() { Some(flattener.flatten()?) } else { None };
         let area = chart.faces.iter().map(|&f| metric.area[f]).sum();
-        let mut out = Self { chart, area, log_factor, excess: Vec::new(), contours: Vec::new(), conflicts: Vec::new() };
+        let mut out = Self {
+            width: strip_width(area, chart.boundary_edges().map(|(h, ..)| metric.length[h]).sum()),
+            chart,
+            area,
+            log_factor,
+            excess: Vec::new(),
+            contours: Vec::new(),
+            conflicts: Vec::new(),
+            necks: Vec::new(),
+        };
         let chart = &out.chart;
         if !near {
             return Ok(out);
         }
         let flat = if let Some(uv) = disk {
             // The polish moves the outline by little: what crosses itself before will cross itself after.
-            let contours = contours(chart, &uv);
+            let contours = chart.contours(&uv);
             let crossing = close_edges(&contours, f64::MIN_POSITIVE);
             if !crossing.is_empty() {
                 (out.contours, out.conflicts) = (contours, crossing);
@@ -73,8 +90,11 @@ impl Piece {
             }
         };
         if flat.excess.is_within(limit.allowed) {
-            let contours = contours(chart, &flat.uv);
+            let contours = chart.contours(&flat.uv);
             out.conflicts = conflicts(chart, &contours, &flat.interior_angle, options);
+            if out.conflicts.is_empty() {
+                out.necks = necks(&contours, options.min_neck);
+            }
             out.contours = contours;
         } else {
             out.excess = excess(metric, chart, &flat.uv, options.stretch);
@@ -85,6 +105,14 @@ impl Piece {
     /// Whether it may be cut out as it is.
     pub(super) fn is_good(&self) -> bool {
         !self.contours.is_empty() && self.conflicts.is_empty()
+    }
+
+    /// Where an edge of its outline lies; `None` for any other, or where the piece does not lie flat.
+    pub(super) fn flat_edge(&self, h: HalfedgeId) -> Option<[Vec2; 2]> {
+        self.chart.loops.iter().zip(&self.contours).find_map(|(path, contour)| {
+            let i = path.iter().position(|it| it.0 == h)?;
+            Some([contour[i], contour[(i + 1) % contour.len()]])
+        })
     }
 
     /// Cut edges both of whose sides lie on this piece and within `clearance` of each other in the plane.
@@ -106,10 +134,6 @@ impl Piece {
         }
         out
     }
-}
-
-fn contours(chart: &Chart, uv: &[Vec2]) -> Vec<Vec<Vec2>> {
-    chart.loops.iter().map(|path| path.iter().map(|&(_, v)| uv[v as usize]).collect()).collect()
 }
 
 fn conflicts(chart: &Chart, contours: &[Vec<Vec2>], angle: &[f64], options: &Options) -> Vec<(usize, usize)> {

@@ -23,12 +23,18 @@ const ATTRACTIONS: [f64; 4] = [0.7, 2.0, 5.0, 0.2];
 const PREFERRED: f64 = 0.3;
 /// … on an avoided one for so much.
 const AVOIDED: f64 = 3.0;
-/// Faces judged in all after which no new attempt begins, about two seconds of work. The first solution is always finished.
-const EFFORT: usize = 900_000;
+/// Faces judged in all after which nothing new is tried, one to two seconds of work. The first solution is always finished.
+const EFFORT: usize = 700_000;
+/// Faces judged after which no other attempt begins: once a surface is so large that one costs more, improving it gets
+/// further than beginning anew.
+const ATTEMPTS_EFFORT: usize = 200_000;
 /// Improving ends when it has judged so many times the faces of the mesh: a small one is done sooner.
 const IMPROVEMENT: usize = 60;
 /// Peaks relieved at a time in the first solution, and one more for every thousand vertices.
 const PEAKS: usize = 8;
+/// What one more piece counts for where a path is chosen that divides one, as a length of seam over the diagonal,
+/// whatever it costs in the end: many are glued again, and longer paths that part more pairs at once are not.
+const DIVIDED: f64 = 0.01;
 /// A piece under the useful size costs as much as so many more pieces.
 const SMALL_PIECE: f64 = 4.0;
 
@@ -45,6 +51,10 @@ pub(super) struct Search<'a> {
     pub(super) peaks: usize,
     /// What one more piece is worth, as a length of seam, mm.
     pub(super) new_piece: f64,
+    /// What one more piece counts for where a path is chosen that divides one, as a length of seam, mm.
+    pub(super) divided: f64,
+    /// What a neck costs, as a length of seam, mm.
+    pub(super) neck: f64,
     /// Faces of all pieces judged so far: the effort spent.
     pub(super) judged: usize,
     pub(super) must_cut: Field<VertexId, bool>,
@@ -93,6 +103,8 @@ pub(super) fn search(
         curvature,
         peaks: PEAKS,
         new_piece: options.new_piece * mesh.bounds().diagonal(),
+        divided: DIVIDED * mesh.bounds().diagonal(),
+        neck: options.neck * mesh.bounds().diagonal(),
         judged: 0,
         must_cut,
         builder: ChartBuilder::new(mesh),
@@ -110,7 +122,7 @@ pub(super) fn search(
     let mut judged = best.judged;
     for (k, attraction) in ATTRACTIONS.into_iter().enumerate().skip(1) {
         // As much again as one attempt took must be left, and something to be saved.
-        if judged + judged / k > EFFORT || best.length(&best.seams()) == 0.0 {
+        if judged + judged / k > ATTEMPTS_EFFORT || best.length(&best.seams()) == 0.0 {
             break;
         }
         let mut other = uncut.clone();
@@ -122,8 +134,11 @@ pub(super) fn search(
         }
     }
     best.judged = judged;
-    best.improve(EFFORT.min(judged + IMPROVEMENT * mesh.face_count()))?;
+    let limit = EFFORT.min(judged + IMPROVEMENT * mesh.face_count());
+    best.straighten(limit)?;
+    best.improve(limit)?;
     best.join(0)?;
+    best.part_at_necks()?;
     best.enlarge()?;
     Ok(Found { cut: best.cut, terminals: terminals.len() })
 }
@@ -201,7 +216,8 @@ impl Search<'_> {
         self.monitor.progress(0.1, "cutting to where it stretches most");
         self.settle(&all)?;
         self.monitor.progress(0.3, "gluing what can be glued");
-        self.join(0)
+        self.join(0)?;
+        self.part_at_necks()
     }
 
     /// What the solution is worth: pieces that are not good, then the length of all seams with the price of the pieces, mm.
@@ -237,8 +253,8 @@ impl Search<'_> {
             } else if piece.contours.is_empty() {
                 relieving_cuts(self.mesh, &piece, &self.weight, self.peaks)
             } else {
-                dividing_path(self.mesh, &piece, &self.weight, self.new_piece, self.options.min_area)
-                    .unwrap_or_default()
+                let it = (&piece, &piece.conflicts[..]);
+                dividing_path(self.mesh, it, &self.weight, self.divided, self.options.min_area).unwrap_or_default()
             };
             for &e in &edges {
                 self.cut[e] = true;
@@ -291,13 +307,17 @@ impl Search<'_> {
         self.glued_into.push(id);
     }
 
-    /// Whether a piece is under the useful size.
+    /// Whether a piece is under the useful size, or a strip too narrow to be of use.
     pub(super) fn is_small(&self, piece: &Piece) -> bool {
-        piece.area < self.options.min_area
+        piece.area < self.options.min_area || piece.width < self.options.min_neck
     }
 
     /// What pieces are worth beside the length of their seams, mm.
     pub(super) fn price<'p>(&self, pieces: impl Iterator<Item = &'p Piece>) -> f64 {
-        self.new_piece * pieces.map(|it| if self.is_small(it) { 1.0 + SMALL_PIECE } else { 1.0 }).sum::<f64>()
+        let price = |it: &Piece| {
+            let pieces = if self.is_small(it) { 1.0 + SMALL_PIECE } else { 1.0 };
+            self.new_piece * pieces + self.neck * it.necks.len() as f64
+        };
+        pieces.map(price).sum()
     }
 }

@@ -63,7 +63,10 @@ impl Search<'_> {
             (0..chart.faces.len()).filter(|&k| !inside(k)).map(|k| (distance(k), chart.faces[k])).collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let before = self.length(&lifted.seams);
-        for size in SIZES.map(|it| it * self.options.min_area) {
+        // A strip of this area and the least width has as much outline as the small piece.
+        let outline: f64 = lifted.pieces[0].1.chart.boundary_edges().map(|(h, ..)| self.metric.length[h]).sum();
+        let least = self.options.min_area.max(0.5 * outline * self.options.min_neck);
+        for size in SIZES.map(|it| it * least) {
             let mut taken = area[0];
             let given = near.iter().take_while(|it| {
                 let enough = taken >= size;

@@ -1,12 +1,12 @@
 //! The `[cut]` table and its section of the report.
 use serde::{Deserialize, Serialize};
-use serde_json::json;
+use serde_json::{Value, json};
 
-use super::{CutError, Options, Region, Side, cut, left_uncut, obstacle, painted, trace};
+use super::{CutError, NarrowNeck, Options, Region, Side, cut, left_uncut, narrow, obstacle, painted, trace};
 use crate::{
     geom::Vec3,
     mesh::{Bvh, EdgeId, TriMesh},
-    model::{CutMesh, DevelopableMesh, Guides, SourceMesh},
+    model::{CutMesh, DevelopableMesh, Guides, PieceId, SourceMesh},
     profile::{Extent, Length, Profiles},
     stage::{Check, Cx, Inputs, KeyError, Section, Stage},
     surface::offset::offset,
@@ -28,6 +28,9 @@ pub struct CutStage {
     /// Side of a square: pieces of a smaller area are made only where nothing else keeps the limit; the material's when
     /// absent.
     pub min_piece: Option<Length>,
+    /// Pieces hang together by less than this, or are strips narrower than this, only where nothing else keeps the limit; the
+    /// material's when absent.
+    pub min_neck: Option<Length>,
     /// More pieces than this are a failed check.
     pub max_pieces: Option<usize>,
     /// Parts of the model that seams are led to where that costs little.
@@ -53,6 +56,7 @@ impl Default for CutStage {
             clearance: Length::mm(0.002),
             style: Style::Few,
             min_piece: None,
+            min_neck: None,
             max_pieces: None,
             prefer: Vec::new(),
             avoid: Vec::new(),
@@ -133,10 +137,19 @@ impl Style {
         }
     }
 
+    /// What a neck costs, as a length of seam over the diagonal: more than dividing the piece there, unless pieces are dear.
+    fn neck(self) -> f64 {
+        match self {
+            Self::OnePiece => 0.02,
+            Self::Few => 0.12,
+            Self::Shortest => 0.05,
+        }
+    }
+
     /// How often an arc is halved in search of a part that can be glued: one piece may hang together by a short hinge.
     fn halvings(self) -> u32 {
         match self {
-            Self::OnePiece => 3,
+            Self::OnePiece => 6,
             Self::Few | Self::Shortest => 1,
         }
     }
@@ -152,6 +165,8 @@ pub struct Stock {
     stretch: f64,
     /// Side of the least useful square, mm.
     min_piece: f64,
+    /// Least width of a neck, mm.
+    min_neck: f64,
     /// Sides of the area in which a piece can be placed, shorter one first, mm.
     room: [f64; 2],
     /// How far the neutral layer lies outside the developed mesh, mm.
@@ -216,11 +231,31 @@ impl CutStage {
     fn min_side(&self, stock: &Stock) -> f64 {
         self.min_piece.map_or(stock.min_piece, |it| it.mm)
     }
+
+    /// Least width of a neck, mm.
+    fn min_neck(&self, stock: &Stock) -> f64 {
+        self.min_neck.map_or(stock.min_neck, |it| it.mm)
+    }
+
+    /// Adds where pieces are narrower than asked.
+    fn narrow(&self, stock: &Stock, cut: &CutMesh, table: &mut Value) {
+        let width = self.min_neck(stock);
+        let (necks, strips) = narrow(cut, width, self.clearance.mm);
+        let name = |id: PieceId| cut.pieces[id].name.as_str();
+        let neck = |it: &NarrowNeck| {
+            let [x, y, z]: [f64; 3] = it.place.into();
+            json!({ "piece": name(it.piece), "width_mm": it.width, "hanging_mm2": it.hanging, "place_mm": [x, y, z] })
+        };
+        table["min_neck_mm"] = json!(width);
+        table["narrow_necks"] = json!(necks.len());
+        table["necks"] = necks.iter().map(neck).collect();
+        table["narrow_strips"] = strips.iter().map(|&id| name(id)).collect();
+    }
 }
 
 impl Stage for CutStage {
     const NAME: &'static str = "cut";
-    const VERSION: u32 = 7;
+    const VERSION: u32 = 8;
     type Input = (DevelopableMesh, SourceMesh, Option<Guides>);
     type Output = CutMesh;
     type Profile = Stock;
@@ -231,6 +266,7 @@ impl Stage for CutStage {
         Stock {
             stretch: material.stretch,
             min_piece: material.min_piece.mm,
+            min_neck: material.min_neck.mm,
             room: profiles.room(),
             offset: material.offset(),
         }
@@ -248,6 +284,9 @@ impl Stage for CutStage {
         }
         if let Some(side) = self.min_piece {
             KeyError::range("min_piece", side.mm, 0.0, 1e4)?;
+        }
+        if let Some(width) = self.min_neck {
+            KeyError::range("min_neck", width.mm, 0.0, 1e3)?;
         }
         self.prefer.iter().chain(&self.avoid).try_for_each(RegionTable::check)?;
         KeyError::range("clearance", self.clearance.mm, 1e-6, 10.0)
@@ -269,6 +308,8 @@ impl Stage for CutStage {
             new_piece: self.style.new_piece(),
             halvings: self.style.halvings(),
             min_area: self.min_side(stock).powi(2),
+            min_neck: self.min_neck(stock),
+            neck: self.style.neck(),
             prefer: regions("prefer", &self.prefer),
             avoid: regions("avoid", &self.avoid),
             seams: drawn(guides).map_or_else(Vec::new, |lines| trace(&developed.mesh, lines).edges),
@@ -294,6 +335,10 @@ impl Stage for CutStage {
             "min_piece_mm": self.min_side(stock),
             "small_pieces": cut.small_pieces(self.min_side(stock).powi(2)),
         });
+        self.narrow(stock, cut, &mut table);
+        if self.style == Style::OnePiece && cut.pieces.len() > 1 {
+            table["obstacle"] = json!(too_many(&moved.mesh, cut));
+        }
         if let Some(tolerance) = self.tolerance {
             table["tolerance"] = json!(tolerance);
         }
