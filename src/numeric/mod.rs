@@ -4,6 +4,7 @@
 pub mod dissection;
 pub mod lanes;
 mod monitor;
+mod multifrontal;
 pub mod optim;
 pub mod random;
 pub mod sparse;

@@ -3,26 +3,19 @@
 use std::sync::Arc;
 
 use faer::{
-    Conj, MatMut, Par, Side, Spec,
-    dyn_stack::{MemBuffer, MemStack},
-    linalg::cholesky::llt::factor::LltError,
+    Side,
     perm::PermRef,
     sparse::{
-        SparseColMatRef, SymbolicSparseColMatRef,
+        SymbolicSparseColMatRef,
         linalg::{
             SupernodalThreshold,
-            cholesky::{
-                CholeskySymbolicParams, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
-                factorize_symbolic_cholesky,
-            },
+            cholesky::{CholeskySymbolicParams, SymbolicCholeskyRaw, SymmetricOrdering, factorize_symbolic_cholesky},
         },
     },
 };
 
-/// From this many unknowns, or this many entries per column of the lower triangle, the supernodal factorisation is faster;
-/// left to itself faer picks the simplicial one up to 15 k unknowns and more, at twice the time.
-const SUPERNODAL_FROM: usize = 4_000;
-const SUPERNODAL_FROM_ENTRIES: usize = 12;
+use super::multifrontal::Fronts;
+
 /// A pivot below this share of its diagonal entry is what cancellation leaves (a singular grid Laplacian with 6 400
 /// unknowns ends at 1.5e-13): no digit of it is right.
 const SMALLEST_PIVOT: f64 = 1e-12;
@@ -167,16 +160,16 @@ impl SymmetricMatrix {
         out
     }
 
-    fn view(&self) -> SparseColMatRef<'_, u32, f64> {
+    fn pattern(&self) -> SymbolicSparseColMatRef<'_, u32> {
         let n = self.size();
-        SparseColMatRef::new(SymbolicSparseColMatRef::new_checked(n, n, &self.starts, None, &self.rows), &self.values)
+        SymbolicSparseColMatRef::new_checked(n, n, &self.starts, None, &self.rows)
     }
 }
 
 /// Fill-reducing order and structure of the factor of every matrix with one pattern.
 #[derive(Debug, Clone)]
 pub struct Analysis {
-    symbolic: Arc<SymbolicCholesky<u32>>,
+    fronts: Arc<Fronts>,
 }
 
 impl Analysis {
@@ -196,29 +189,38 @@ impl Analysis {
     }
 
     fn analyse(matrix: &SymmetricMatrix, ordering: SymmetricOrdering<'_, u32>) -> Result<Self, SparseError> {
-        let supernodal =
-            matrix.size() >= SUPERNODAL_FROM || matrix.values.len() >= SUPERNODAL_FROM_ENTRIES * matrix.size().max(1);
         let params = CholeskySymbolicParams {
-            supernodal_flop_ratio_threshold: if supernodal {
-                SupernodalThreshold::FORCE_SUPERNODAL
-            } else {
-                SupernodalThreshold::FORCE_SIMPLICIAL
-            },
+            supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
             ..Default::default()
         };
-        factorize_symbolic_cholesky(matrix.view().symbolic(), Side::Lower, ordering, params)
-            .map(|symbolic| Self { symbolic: Arc::new(symbolic) })
-            .map_err(|_| SparseError::TooLarge { unknowns: matrix.size() })
+        let too_large = SparseError::TooLarge { unknowns: matrix.size() };
+        let symbolic = factorize_symbolic_cholesky(matrix.pattern(), Side::Lower, ordering, params)
+            .map_err(|_| too_large.clone())?;
+        let place = match symbolic.perm() {
+            Some(it) => it.arrays().1.to_vec(),
+            None => (0..matrix.size() as u32).collect(),
+        };
+        let nodes: Vec<(usize, &[u32])> = match symbolic.raw() {
+            SymbolicCholeskyRaw::Supernodal(it) => {
+                (0..it.n_supernodes()).map(|s| (it.supernode(s).start(), it.supernode(s).pattern())).collect()
+            }
+            // Chosen when there is nothing to eliminate: no unknowns, or none that meet.
+            SymbolicCholeskyRaw::Simplicial(it) => (0..it.ncols()).map(|column| (column, &[][..])).collect(),
+        };
+        let entries = matrix.entries().map(|it| (it.0, it.1));
+        let fronts = Fronts::new(place, &nodes, entries).ok_or(too_large)?;
+        Ok(Self { fronts: Arc::new(fronts) })
     }
 
     /// Number of values stored for the factor.
     pub fn entries(&self) -> usize {
-        self.symbolic.len_val()
+        self.fronts.values()
     }
 
     /// Factors a matrix of the analysed pattern. Panics if the pattern has another size.
     pub fn factor(&self, matrix: &SymmetricMatrix) -> Result<Cholesky, SparseError> {
-        let mut out = Cholesky { symbolic: self.symbolic.clone(), values: vec![0.0; self.symbolic.len_val()] };
+        let values = vec![0.0; self.fronts.values()];
+        let mut out = Cholesky { fronts: self.fronts.clone(), values, updates: Vec::new() };
         out.refactor(matrix)?;
         Ok(out)
     }
@@ -227,8 +229,10 @@ impl Analysis {
 /// The factor L of A = L Lᵀ.
 #[derive(Debug, Clone)]
 pub struct Cholesky {
-    symbolic: Arc<SymbolicCholesky<u32>>,
+    fronts: Arc<Fronts>,
     values: Vec<f64>,
+    /// Room for the next factorisation.
+    updates: Vec<f64>,
 }
 
 impl Cholesky {
@@ -240,77 +244,26 @@ impl Cholesky {
     /// Factors other values of the same pattern, in place. After an error the factor must not be used.
     /// Panics if the pattern has another size.
     pub fn refactor(&mut self, matrix: &SymmetricMatrix) -> Result<(), SparseError> {
-        let unknowns = matrix.size();
-        assert_eq!(unknowns, self.symbolic.nrows(), "the analysis is of a matrix of another size");
+        assert_eq!(matrix.values.len(), self.fronts.entries(), "the analysis is of a matrix of another pattern");
         if let Some((row, column, value)) = matrix.entries().find(|it| !it.2.is_finite()) {
             return Err(SparseError::NotFinite { row, column, value });
         }
-        let scratch = self.symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Spec::default());
-        let mut memory = MemBuffer::try_new(scratch).map_err(|_| SparseError::TooLarge { unknowns })?;
-        let result = self.symbolic.factorize_numeric_llt(
-            &mut self.values,
-            matrix.view(),
-            Side::Lower,
-            Default::default(),
-            Par::Seq,
-            MemStack::new(&mut memory),
-            Spec::default(),
-        );
-        match result {
-            Ok(_) => self.check_pivots(&matrix.diagonal()),
-            Err(LltError::NonPositivePivot { index }) => {
-                Err(SparseError::NotPositiveDefinite { index: self.unknown(self.zero_based(index)) })
-            }
+        let refuse = |place| SparseError::NotPositiveDefinite { index: self.fronts.unknown(place) };
+        self.fronts.factor(&matrix.values, &mut self.values, &mut self.updates).map_err(refuse)?;
+        let diagonal = matrix.diagonal();
+        let mut by_place = vec![0.0; diagonal.len()];
+        for (&place, &value) in self.fronts.places().iter().zip(&diagonal) {
+            by_place[place as usize] = value;
         }
-    }
-
-    /// faer counts pivots from 1 in the simplicial and from 0 in the supernodal factorisation.
-    fn zero_based(&self, index: usize) -> usize {
-        match self.symbolic.raw() {
-            SymbolicCholeskyRaw::Simplicial(_) => index.saturating_sub(1),
-            SymbolicCholeskyRaw::Supernodal(_) => index,
-        }
-    }
-
-    /// The unknown that is eliminated as number `pivot`.
-    fn unknown(&self, pivot: usize) -> usize {
-        let perm = self.symbolic.perm().map(|it| it.arrays().0);
-        perm.and_then(|forward| forward.get(pivot)).map_or(pivot, |&it| it as usize)
-    }
-
-    fn check_pivots(&self, diagonal: &[f64]) -> Result<(), SparseError> {
-        let check = |pivot: usize, root: f64| {
-            let index = self.unknown(pivot);
-            // NaN, the trace of an overflow, fails the comparison as well.
-            if root * root > SMALLEST_PIVOT * diagonal[index] {
-                Ok(())
-            } else {
-                Err(SparseError::NotPositiveDefinite { index })
-            }
-        };
-        match self.symbolic.raw() {
-            SymbolicCholeskyRaw::Simplicial(it) => {
-                let starts = &it.col_ptr()[..it.ncols()];
-                starts.iter().enumerate().try_for_each(|(k, &start)| check(k, self.values[start as usize]))
-            }
-            SymbolicCholeskyRaw::Supernodal(it) => {
-                let ends = it.supernode_begin().iter().zip(it.supernode_end());
-                for (s, (&begin, &end)) in ends.enumerate() {
-                    let start = it.col_ptr_for_val()[s] as usize;
-                    let columns = (end - begin) as usize;
-                    let rows = (it.col_ptr_for_val()[s + 1] as usize - start) / columns;
-                    for k in 0..columns {
-                        check(begin as usize + k, self.values[start + k * (rows + 1)])?;
-                    }
-                }
-                Ok(())
-            }
-        }
+        // NaN, the trace of an overflow, fails the comparison as well.
+        let bad =
+            self.fronts.pivots(&self.values).zip(by_place).position(|(root, it)| !(root * root > SMALLEST_PIVOT * it));
+        bad.map_or(Ok(()), |place| Err(refuse(place)))
     }
 
     /// Number of unknowns.
     pub fn size(&self) -> usize {
-        self.symbolic.nrows()
+        self.fronts.size()
     }
 
     /// Solves A x = b. Panics unless `b` has one value per unknown.
@@ -328,14 +281,7 @@ impl Cholesky {
             return;
         }
         assert!(columns.len().is_multiple_of(n), "right-hand sides of {n} values each");
-        let count = columns.len() / n;
-        let mut memory = MemBuffer::new(self.symbolic.solve_in_place_scratch::<f64>(count, Par::Seq));
-        LltRef::new(&self.symbolic, &self.values).solve_in_place_with_conj(
-            Conj::No,
-            MatMut::from_column_major_slice_mut(columns, n, count),
-            Par::Seq,
-            MemStack::new(&mut memory),
-        );
+        self.fronts.solve(&self.values, columns);
     }
 }
 
@@ -363,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn solves_simplicial_and_supernodal() {
+    fn solves_for_several_right_hand_sides() {
         for m in [1, 7, 40, 80] {
             let a = grid(m, 0.01);
             let factor = Cholesky::new(&a).unwrap();
@@ -375,6 +321,25 @@ mod tests {
                 assert!(residual < 1e-11, "{m}: {residual}");
                 assert_eq!(factor.solve(b).len(), m * m);
             }
+        }
+    }
+
+    #[test]
+    fn supernodes_of_any_width_are_factored() {
+        for n in (1..=40).chain([130, 300]) {
+            // A dense block of n unknowns, twice, joined by three more.
+            let mut triplets = Vec::new();
+            for i in 0..2 * n + 3 {
+                triplets.push((i as u32, i as u32, 2.0 * n as f64 + 3.0));
+                for j in (0..i).filter(|j| i >= 2 * n || i / n == j / n) {
+                    triplets.push((i as u32, j as u32, (i as f64 * 1.3 + j as f64 * 0.7).sin()));
+                }
+            }
+            let a = SymmetricMatrix::from_triplets(2 * n + 3, &triplets);
+            let b = wave(2 * n + 3, 0.9);
+            let x = Cholesky::new(&a).unwrap().solve(&b);
+            let residual = a.multiply(&x).iter().zip(&b).map(|(p, q)| (p - q).abs()).fold(0.0, f64::max);
+            assert!(residual < 1e-13, "{n}: {residual}");
         }
     }
 
@@ -417,7 +382,10 @@ mod tests {
     }
 
     #[test]
-    fn no_unknowns_are_no_problem() {
+    fn nothing_to_eliminate_is_no_problem() {
+        let diagonal = SymmetricMatrix::from_triplets(3, &[(0, 0, 2.0), (1, 1, 4.0), (2, 2, 8.0)]);
+        let x = Cholesky::new(&diagonal).unwrap().solve(&[1.0, 1.0, 1.0]);
+        assert!(x.iter().zip([0.5, 0.25, 0.125]).all(|(a, b)| (a - b).abs() < 1e-15), "{x:?}");
         let factor = Cholesky::new(&SymmetricMatrix::from_triplets(0, &[])).unwrap();
         assert_eq!(factor.solve(&[]), Vec::<f64>::new());
     }
