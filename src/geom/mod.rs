@@ -151,6 +151,7 @@ pub fn angle_between(a: Vec3, b: Vec3) -> f64 {
 /// Works for degenerate triangles too.
 ///
 /// Each side's half space is tested by the area that `p`'s projection spans with it; outside, the answer lies on a side.
+#[inline(always)]
 pub fn closest_on_triangle(p: &Vec3, corners: &[Vec3; 3]) -> ([f64; 3], f64) {
     /// Below this ratio of doubled area to squared length, the areas that tell sides apart drown in rounding, and the
     /// triangle is nowhere farther than this from its sides.
@@ -163,24 +164,35 @@ pub fn closest_on_triangle(p: &Vec3, corners: &[Vec3; 3]) -> ([f64; 3], f64) {
     let v = ap.cross(&ac).dot(&normal);
     let w = ab.cross(&ap).dot(&normal);
     let u = area - v - w;
-    if u >= 0.0 && v >= 0.0 && w >= 0.0 && area > (SLIVER * ab.norm_squared().max(ac.norm_squared())).powi(2) {
+    let flat = area > (SLIVER * ab.norm_squared().max(ac.norm_squared())).powi(2);
+    if flat && u >= 0.0 && v >= 0.0 && w >= 0.0 {
         let (v, w) = (v / area, w / area);
         let u = (1.0 - v - w).max(0.0);
         return ([u, v, w], (ap - ab * v - ac * w).norm_squared());
     }
-    let (s, on_ab) = closest_on_segment(&ap, &ab);
-    let (t, on_ac) = closest_on_segment(&ap, &ac);
-    let (r, on_bc) = closest_on_segment(&(p - b), &(c - b));
-    if on_ab <= on_ac && on_ab <= on_bc {
-        ([1.0 - s, s, 0.0], on_ab)
-    } else if on_ac <= on_bc {
-        ([1.0 - t, 0.0, t], on_ac)
-    } else {
-        ([0.0, 1.0 - r, r], on_bc)
+    // The closest point lies on a side that `p` sees from outside.
+    let (mut best, mut squared) = ([1.0, 0.0, 0.0], f64::INFINITY);
+    if !flat || w < 0.0 {
+        let (s, on_ab) = closest_on_segment(&ap, &ab);
+        (best, squared) = ([1.0 - s, s, 0.0], on_ab);
     }
+    if !flat || v < 0.0 {
+        let (t, on_ac) = closest_on_segment(&ap, &ac);
+        if on_ac < squared {
+            (best, squared) = ([1.0 - t, 0.0, t], on_ac);
+        }
+    }
+    if !flat || u < 0.0 {
+        let (r, on_bc) = closest_on_segment(&(p - b), &(c - b));
+        if on_bc < squared {
+            (best, squared) = ([0.0, 1.0 - r, r], on_bc);
+        }
+    }
+    (best, squared)
 }
 
 /// The parameter in [0, 1] of the point of the segment from 0 to `edge` closest to `p`, and its squared distance.
+#[inline(always)]
 pub fn closest_on_segment(p: &Vec3, edge: &Vec3) -> (f64, f64) {
     let length = edge.norm_squared();
     let t = if length > 0.0 { (p.dot(edge) / length).clamp(0.0, 1.0) } else { 0.0 };

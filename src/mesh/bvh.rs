@@ -5,7 +5,10 @@
 use rayon::prelude::*;
 
 use super::{FaceId, Id, TriMesh};
-use crate::geom::{Box3, Vec3, closest_on_triangle};
+use crate::{
+    geom::{Box3, Vec3, closest_on_triangle},
+    numeric::lanes::vectorized,
+};
 
 /// Children of a node.
 const WIDTH: usize = 4;
@@ -56,12 +59,16 @@ impl Node {
         }
     }
 
-    /// Squared distance from `p` to every child box; infinite for an empty slot.
+    /// Squared distance from `p`, which is no NaN, to every child box; infinite for an empty slot.
+    #[inline(always)]
     fn distances(&self, p: &Vec3) -> [f64; WIDTH] {
         let mut sum = [0.0; WIDTH];
         for axis in 0..3 {
             for ((sum, min), max) in sum.iter_mut().zip(&self.min[axis]).zip(&self.max[axis]) {
-                let outside = (min - p[axis]).max(p[axis] - max).max(0.0);
+                // `f64::max` would look for NaN at each step.
+                let (below, above) = (min - p[axis], p[axis] - max);
+                let outside = if below > above { below } else { above };
+                let outside = if outside > 0.0 { outside } else { 0.0 };
                 *sum += outside * outside;
             }
         }
@@ -279,6 +286,7 @@ impl Bvh {
         Closest { face: self.faces[slot], barycentric, point, distance: (p - point).norm() }
     }
 
+    #[inline(always)]
     fn try_triangle(&self, p: &Vec3, slot: usize, best: &mut Best) {
         let (barycentric, squared) = closest_on_triangle(p, &self.corners[slot]);
         let wins = match best.slot {
@@ -292,6 +300,14 @@ impl Bvh {
 
     /// Depth first, nearest child first; `any` is content with the first triangle that is near enough.
     fn search(&self, p: &Vec3, best: &mut Best, any: bool) {
+        vectorized(
+            #[inline(always)]
+            || self.descend(p, best, any),
+        );
+    }
+
+    #[inline(always)]
+    fn descend(&self, p: &Vec3, best: &mut Best, any: bool) {
         // NaN would pass for near everything, the boxes of unused children too.
         if p.iter().any(|it| it.is_nan()) {
             return;

@@ -7,6 +7,7 @@
 //! processor, never on the number of threads.
 use pulp::{Simd, WithSimd};
 
+const NONE: u32 = u32::MAX;
 /// Columns of a block in registers.
 const WIDE: usize = 8;
 /// Vectors per column of a block in registers: 3 × 8 accumulators fit into the 32 registers of AVX-512.
@@ -22,12 +23,14 @@ pub(super) struct Fronts {
     /// Place in the elimination of each unknown.
     place: Vec<u32>,
     supernodes: Vec<Supernode>,
+    /// Numbers of the supernodes, the descendants of each one right before it.
+    sequence: Vec<u32>,
     /// Rows below the pivots of all supernodes, as places in the elimination, ascending.
     rows: Vec<u32>,
     /// For the same rows, their index in the front of the parent.
     in_parent: Vec<u32>,
-    /// Where each stored entry of the matrix goes among the values of the factor.
-    scatter: Vec<u32>,
+    /// The stored entries of the matrix by the supernode of their column: number, and place in the panel.
+    assembly: Vec<(u32, u32)>,
     values: usize,
     /// Values that the updates waiting for their parents take at most.
     stack: usize,
@@ -45,6 +48,8 @@ struct Supernode {
     u: u32,
     /// First value of the panel.
     value: usize,
+    /// Where its entries of the matrix begin and end in `assembly`.
+    entries: [u32; 2],
     children: u32,
 }
 
@@ -77,8 +82,7 @@ impl Supernode {
 
 impl Fronts {
     /// The structure for unknowns eliminated at `place`, in supernodes given by their first pivots and the rows below (as
-    /// places, ascending), the descendants of each one right before it. `entries` are the stored (row, column) of the
-    /// matrix. None if the factor is too large.
+    /// places, ascending). `entries` are the stored (row, column) of the matrix. None if the factor is too large.
     pub(super) fn new(
         place: Vec<u32>,
         supernodes: &[(usize, &[u32])],
@@ -96,6 +100,7 @@ impl Fronts {
                 row: rows.len() as u32,
                 u: below.len() as u32,
                 value: 0,
+                entries: [0; 2],
                 children: 0,
             });
             rows.extend(below);
@@ -107,58 +112,107 @@ impl Fronts {
             values += node.height() * node.k();
             owner[node.first as usize..(node.first + node.k) as usize].fill(s as u32);
         }
-        let mut fronts =
-            Self { place, supernodes: nodes, rows, in_parent: Vec::new(), scatter: Vec::new(), values, stack: 0 };
         u32::try_from(values).ok()?;
+        let mut fronts = Self {
+            place,
+            supernodes: nodes,
+            sequence: Vec::new(),
+            rows,
+            in_parent: Vec::new(),
+            assembly: Vec::new(),
+            values,
+            stack: 0,
+        };
         fronts.relate(&owner);
-        fronts.scatter = entries.map(|(i, j)| fronts.value_of(&owner, i, j)).collect();
+        fronts.assemble(&owner, entries);
         Some(fronts)
     }
 
-    /// Indices of rows in the fronts of their parents, numbers of children, and the height of the stack.
+    /// Indices of rows in the fronts of their parents, the sequence, and the height of the stack.
     fn relate(&mut self, owner: &[u32]) {
+        let count = self.supernodes.len();
         self.in_parent = vec![0; self.rows.len()];
-        let (mut waiting, mut held): (Vec<(usize, u32)>, usize) = (Vec::new(), 0);
-        for s in 0..self.supernodes.len() {
+        // Children as linked lists; walking down from the roots, last child first, gives the sequence backwards.
+        let (mut child, mut sibling, mut open) = (vec![NONE; count], vec![NONE; count], Vec::new());
+        for s in 0..count {
             let node = self.supernodes[s].clone();
+            let Some(&parent) = self.rows[node.rows()].first() else {
+                open.push(s as u32);
+                continue;
+            };
+            let parent = owner[parent as usize] as usize;
+            sibling[s] = std::mem::replace(&mut child[parent], s as u32);
+            self.supernodes[parent].children += 1;
+            self.relate_rows(&node, &self.supernodes[parent].clone());
+        }
+        while let Some(s) = open.pop() {
+            self.sequence.push(s);
+            let mut next = child[s as usize];
+            while next != NONE {
+                open.push(next);
+                next = sibling[next as usize];
+            }
+        }
+        self.sequence.reverse();
+        let (mut waiting, mut held) = (Vec::new(), 0);
+        for &s in &self.sequence {
+            let node = &self.supernodes[s as usize];
             let size = padded(node.u()) * padded(node.u());
             self.stack = self.stack.max(held + size);
             for _ in 0..node.children {
-                let (child, parent) = waiting.pop().expect("a child waits for its parent");
-                assert_eq!(parent as usize, s, "the descendants of a supernode stand right before it");
-                held -= child;
+                held -= waiting.pop().expect("a child waits for its parent");
             }
-            let Some(&parent) = self.rows[node.rows()].first() else { continue };
-            waiting.push((size, owner[parent as usize]));
-            held += size;
-            let parent = &mut self.supernodes[owner[parent as usize] as usize];
-            parent.children += 1;
-            let parent = parent.clone();
-            let mut below = parent.rows().clone();
-            for at in node.rows() {
-                let row = self.rows[at];
-                self.in_parent[at] = if row < parent.first + parent.k {
-                    row - parent.first
-                } else {
-                    let skipped = below.clone().position(|it| self.rows[it] == row);
-                    below.start += skipped.expect("a parent has the rows of its children");
-                    parent.k + below.start as u32 - parent.row
-                };
+            if node.u > 0 {
+                waiting.push(size);
+                held += size;
             }
         }
     }
 
-    fn value_of(&self, owner: &[u32], i: usize, j: usize) -> u32 {
+    fn relate_rows(&mut self, node: &Supernode, parent: &Supernode) {
+        let mut below = parent.rows();
+        for at in node.rows() {
+            let row = self.rows[at];
+            self.in_parent[at] = if row < parent.first + parent.k {
+                row - parent.first
+            } else {
+                let skipped = self.rows[below.clone()].iter().position(|&it| it == row);
+                below.start += skipped.expect("a parent has the rows of its children");
+                parent.k + below.start as u32 - parent.row
+            };
+        }
+    }
+
+    /// Sorts the entries of the matrix by supernode.
+    fn assemble(&mut self, owner: &[u32], entries: impl Iterator<Item = (usize, usize)>) {
+        let placed: Vec<(u32, u32)> = entries.map(|(i, j)| self.place_in_panel(owner, i, j)).collect();
+        let mut starts = vec![0; self.supernodes.len() + 1];
+        placed.iter().for_each(|it| starts[it.0 as usize + 1] += 1);
+        for s in 0..self.supernodes.len() {
+            starts[s + 1] += starts[s];
+            self.supernodes[s].entries = [starts[s], starts[s + 1]];
+        }
+        self.assembly = vec![(0, 0); placed.len()];
+        for (number, (s, at)) in placed.into_iter().enumerate() {
+            let next = &mut starts[s as usize];
+            self.assembly[*next as usize] = (number as u32, at);
+            *next += 1;
+        }
+    }
+
+    /// Supernode and place in its panel of an entry of the matrix.
+    fn place_in_panel(&self, owner: &[u32], i: usize, j: usize) -> (u32, u32) {
         let (p, q) = (self.place[i], self.place[j]);
         let (row, column) = (p.max(q), p.min(q));
-        let node = &self.supernodes[owner[column as usize] as usize];
+        let s = owner[column as usize];
+        let node = &self.supernodes[s as usize];
         let index = if row < node.first + node.k {
             row - node.first
         } else {
             let below = self.rows[node.rows()].binary_search(&row).expect("the factor has every entry of the matrix");
             node.k + below as u32
         };
-        (node.value + (column - node.first) as usize * node.height()) as u32 + index
+        (s, (column - node.first) * node.height() as u32 + index)
     }
 
     /// Number of unknowns.
@@ -168,7 +222,7 @@ impl Fronts {
 
     /// Number of stored entries of the matrix.
     pub(super) fn entries(&self) -> usize {
-        self.scatter.len()
+        self.assembly.len()
     }
 
     /// Place in the elimination of each unknown.
@@ -185,11 +239,7 @@ impl Fronts {
     /// positive. `stack` is scratch.
     pub(super) fn factor(&self, entries: &[f64], values: &mut [f64], stack: &mut Vec<f64>) -> Result<(), usize> {
         stack.resize(self.stack, 0.0);
-        values.fill(0.0);
-        for (&at, entry) in self.scatter.iter().zip(entries) {
-            values[at as usize] += entry;
-        }
-        pulp::Arch::new().dispatch(Factor { fronts: self, values, stack })
+        pulp::Arch::new().dispatch(Factor { fronts: self, entries, values, stack })
     }
 
     /// Pivots (diagonal entries of L) in the order of elimination.
@@ -210,6 +260,7 @@ impl Fronts {
 
 struct Factor<'a> {
     fronts: &'a Fronts,
+    entries: &'a [f64],
     values: &'a mut [f64],
     stack: &'a mut [f64],
 }
@@ -219,12 +270,18 @@ impl WithSimd for Factor<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
-        let Self { fronts, values, stack } = self;
+        let Self { fronts, entries, values, stack } = self;
         // Supernodes whose updates wait, with where each one begins.
         let mut waiting: Vec<(&Supernode, usize)> = Vec::new();
         let mut top = 0;
-        for node in &fronts.supernodes {
+        for &s in &fronts.sequence {
+            let node = &fronts.supernodes[s as usize];
             let panel = &mut values[node.panel()];
+            panel.fill(0.0);
+            let [from, to] = node.entries;
+            for &(number, at) in &fronts.assembly[from as usize..to as usize] {
+                panel[at as usize] += entries[number as usize];
+            }
             let (height, side) = (node.height(), padded(node.u()));
             let (below, rest) = stack.split_at_mut(top);
             let update = &mut rest[..side * side];

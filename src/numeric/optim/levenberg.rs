@@ -57,17 +57,16 @@ impl Levenberg {
             }
             damped.values_mut().copy_from_slice(hessian.values());
             (0..n).for_each(|i| damped.add_to_diagonal(i, damping));
-            let factored = match factor.take() {
-                None => analysis.factor(&damped),
-                Some(mut old) => old.refactor(&damped).map(|()| old),
+            let factored = match &mut factor {
+                Some(it) => it.refactor(&damped),
+                None => analysis.factor(&damped).map(|it| factor = Some(it)),
             };
-            let Ok(llt) = factored else {
+            let Some(llt) = factor.as_ref().filter(|_| factored.is_ok()) else {
                 damping *= 4.0;
                 failures += 1;
                 continue;
             };
             let mut step = llt.solve(&walk.gradient);
-            factor = Some(llt);
             let scale = -(self.longest_step / largest(&step)).min(1.0);
             step.iter_mut().for_each(|d| *d *= scale);
             let (slope, bend) = (dot(&walk.gradient, &step), dot(&step, &hessian.multiply(&step)));

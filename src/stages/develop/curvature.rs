@@ -24,8 +24,8 @@ const FLAT: f64 = 1e-9;
 
 /// Stars per task.
 const STARS: usize = 128;
-/// Tasks whose results are held before they are added, so that memory stays bounded.
-const TASKS: usize = 64;
+/// Tasks whose results are held before they are added: few enough to stay in the cache.
+const TASKS: usize = 16;
 
 /// The pattern of the Hessian in 3 × 3 blocks and its analysis; serves one connectivity.
 #[derive(Debug)]
@@ -290,22 +290,21 @@ impl Curvature {
 
     /// The energy: stars modelled in parallel, added in order.
     fn add_stars(&self, out: &mut [f64], mesh: &TriMesh, faces: &[Face], evaluator: &Evaluator) {
+        let mut tasks: Vec<(Star, Vec<Matrix3<f64>>)> = Vec::new();
+        tasks.resize_with(TASKS, Default::default);
         for batch in self.stars.chunks(STARS * TASKS) {
-            let blocks: Vec<Vec<Matrix3<f64>>> = batch
-                .par_chunks(STARS)
-                .map(|stars| {
-                    let (mut blocks, mut star) = (Vec::new(), Star::default());
-                    for &(v, _) in stars {
-                        star.gather(mesh, v, faces);
-                        star.energy();
-                        let scale = evaluator.loss_slope(star.lambda);
-                        blocks.extend(star.blocks.iter().map(|block| block * scale));
-                    }
-                    blocks
-                })
-                .collect();
+            tasks.iter_mut().for_each(|it| it.1.clear());
+            tasks.par_iter_mut().zip(batch.par_chunks(STARS)).for_each(|((star, blocks), stars)| {
+                for &(v, _) in stars {
+                    star.gather(mesh, v, faces);
+                    star.energy();
+                    let scale = evaluator.loss_slope(star.lambda);
+                    blocks.extend(star.blocks.iter().map(|block| block * scale));
+                }
+            });
+            let blocks = tasks.iter().flat_map(|it| &it.1);
             let first = batch[0].1 as usize;
-            for (cell, block) in self.star_cells[first..].iter().zip(blocks.iter().flatten()) {
+            for (cell, block) in self.star_cells[first..].iter().zip(blocks) {
                 cell.add(out, block);
             }
         }
