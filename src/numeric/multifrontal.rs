@@ -5,17 +5,17 @@
 //! *update* the u × u Schur complement that it passes to its parent. Both are stored by columns, with columns padded so
 //! that whole vectors can be read; padding stays zero. Fused multiply-adds are used, so the last digits depend on the
 //! processor, never on the number of threads.
+mod dense;
+mod scalar;
+
+use std::ops::Range;
+
 use pulp::{Simd, WithSimd};
 
+use self::dense::{Target, factor_panel, subtract_products};
+pub use self::scalar::Scalar;
+
 const NONE: u32 = u32::MAX;
-/// Columns of a block in registers.
-const WIDE: usize = 8;
-/// Vectors per column of a block in registers: 3 × 8 accumulators fit into the 32 registers of AVX-512.
-const TALL: usize = 3;
-/// Columns whose product is summed before it is stored: so many columns of a strip fit into the first cache.
-const DEEP: usize = 128;
-/// Columns are padded to a multiple of this many values, the widest vector.
-const PAD: usize = 8;
 
 /// The structure of a factor.
 #[derive(Debug, Clone)]
@@ -51,10 +51,10 @@ struct Supernode {
     /// Where its entries of the matrix begin and end in `assembly`.
     entries: [u32; 2],
     children: u32,
-}
-
-fn padded(n: usize) -> usize {
-    n.next_multiple_of(PAD)
+    /// Length of a column of the panel: vectors may begin at the first row or at the first one below the pivots.
+    height: u32,
+    /// Length of a column of the update, and number of columns with room.
+    side: u32,
 }
 
 impl Supernode {
@@ -66,16 +66,19 @@ impl Supernode {
         self.u as usize
     }
 
-    /// Length of a column of the panel: vectors may begin at the first row or at the first one below the pivots.
     fn height(&self) -> usize {
-        padded(self.k() + self.u()).max(self.k() + padded(self.u()))
+        self.height as usize
     }
 
-    fn rows(&self) -> std::ops::Range<usize> {
+    fn side(&self) -> usize {
+        self.side as usize
+    }
+
+    fn rows(&self) -> Range<usize> {
         self.row as usize..(self.row + self.u) as usize
     }
 
-    fn panel(&self) -> std::ops::Range<usize> {
+    fn panel(&self) -> Range<usize> {
         self.value..self.value + self.height() * self.k()
     }
 }
@@ -83,7 +86,7 @@ impl Supernode {
 impl Fronts {
     /// The structure for unknowns eliminated at `place`, in supernodes given by their first pivots and the rows below (as
     /// places, ascending). `entries` are the stored (row, column) of the matrix. None if the factor is too large.
-    pub(super) fn new(
+    pub(super) fn new<T: Scalar>(
         place: Vec<u32>,
         supernodes: &[(usize, &[u32])],
         entries: impl Iterator<Item = (usize, usize)>,
@@ -102,12 +105,17 @@ impl Fronts {
                 value: 0,
                 entries: [0; 2],
                 children: 0,
+                height: 0,
+                side: 0,
             });
             rows.extend(below);
         }
         let mut owner = vec![0_u32; n];
         let mut values = 0;
         for (s, node) in nodes.iter_mut().enumerate() {
+            let padded = |n: usize| n.next_multiple_of(T::PAD);
+            node.height = padded(node.k() + node.u()).max(node.k() + padded(node.u())) as u32;
+            node.side = padded(node.u()) as u32;
             node.value = values;
             values += node.height() * node.k();
             owner[node.first as usize..(node.first + node.k) as usize].fill(s as u32);
@@ -157,7 +165,7 @@ impl Fronts {
         let (mut waiting, mut held) = (Vec::new(), 0);
         for &s in &self.sequence {
             let node = &self.supernodes[s as usize];
-            let size = padded(node.u()) * padded(node.u());
+            let size = node.side() * node.side();
             self.stack = self.stack.max(held + size);
             for _ in 0..node.children {
                 held -= waiting.pop().expect("a child waits for its parent");
@@ -237,14 +245,14 @@ impl Fronts {
 
     /// Factors the matrix whose stored entries have the values `entries`; on failure the place of the pivot that is not
     /// positive. `stack` is scratch.
-    pub(super) fn factor(&self, entries: &[f64], values: &mut [f64], stack: &mut Vec<f64>) -> Result<(), usize> {
-        stack.resize(self.stack, 0.0);
+    pub(super) fn factor<T: Scalar>(&self, entries: &[f64], values: &mut [T], stack: &mut Vec<T>) -> Result<(), usize> {
+        stack.resize(self.stack, T::default());
         pulp::Arch::new().dispatch(Factor { fronts: self, entries, values, stack })
     }
 
     /// Pivots (diagonal entries of L) in the order of elimination.
-    pub(super) fn pivots<'a>(&'a self, values: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
-        self.supernodes.iter().flat_map(|it| (0..it.k()).map(|c| values[it.value + c * (it.height() + 1)]))
+    pub(super) fn pivots<'a, T: Scalar>(&'a self, values: &'a [T]) -> impl Iterator<Item = f64> + 'a {
+        self.supernodes.iter().flat_map(|it| (0..it.k()).map(|c| values[it.value + c * (it.height() + 1)].to_f64()))
     }
 
     /// The unknown that is eliminated at `place`.
@@ -253,19 +261,19 @@ impl Fronts {
     }
 
     /// Solves L Lᵀ x = b for each column of length n in `columns`, in place.
-    pub(super) fn solve(&self, values: &[f64], columns: &mut [f64]) {
+    pub(super) fn solve<T: Scalar>(&self, values: &[T], columns: &mut [f64]) {
         pulp::Arch::new().dispatch(Solve { fronts: self, values, columns });
     }
 }
 
-struct Factor<'a> {
+struct Factor<'a, T> {
     fronts: &'a Fronts,
     entries: &'a [f64],
-    values: &'a mut [f64],
-    stack: &'a mut [f64],
+    values: &'a mut [T],
+    stack: &'a mut [T],
 }
 
-impl WithSimd for Factor<'_> {
+impl<T: Scalar> WithSimd for Factor<'_, T> {
     type Output = Result<(), usize>;
 
     #[inline(always)]
@@ -277,19 +285,19 @@ impl WithSimd for Factor<'_> {
         for &s in &fronts.sequence {
             let node = &fronts.supernodes[s as usize];
             let panel = &mut values[node.panel()];
-            panel.fill(0.0);
+            panel.fill(T::default());
             let [from, to] = node.entries;
             for &(number, at) in &fronts.assembly[from as usize..to as usize] {
-                panel[at as usize] += entries[number as usize];
+                panel[at as usize] += T::from_f64(entries[number as usize]);
             }
-            let (height, side) = (node.height(), padded(node.u()));
+            let (height, side) = (node.height(), node.side());
             let (below, rest) = stack.split_at_mut(top);
             let update = &mut rest[..side * side];
-            update.fill(0.0);
+            update.fill(T::default());
             let first_child = waiting.len() - node.children as usize;
             for &(child, at) in &waiting[first_child..] {
                 let into = &fronts.in_parent[child.rows()];
-                add_child(&below[at..], padded(child.u()), into, (&mut *panel, node.k(), height), (&mut *update, side));
+                add_child(&below[at..], child.side(), into, (&mut *panel, node.k(), height), (&mut *update, side));
             }
             if let Err(c) = factor_panel(simd, panel, node.k(), node.k() + node.u(), height) {
                 return Err(node.first as usize + c);
@@ -315,12 +323,12 @@ impl WithSimd for Factor<'_> {
 
 /// Adds the update of a child to panel and update of its parent (extend-add): its row r is row `into[r]` of the front.
 #[inline(always)]
-fn add_child(
-    child: &[f64],
+fn add_child<T: Scalar>(
+    child: &[T],
     side: usize,
     into: &[u32],
-    (panel, k, height): (&mut [f64], usize, usize),
-    (update, update_side): (&mut [f64], usize),
+    (panel, k, height): (&mut [T], usize, usize),
+    (update, update_side): (&mut [T], usize),
 ) {
     for (j, &column) in into.iter().enumerate() {
         let source = &child[j * side..j * side + into.len()];
@@ -336,196 +344,13 @@ fn add_child(
     }
 }
 
-/// Factors a panel of `rows` rows in place; on failure the pivot that is not positive.
-#[inline(always)]
-fn factor_panel<S: Simd>(simd: S, panel: &mut [f64], k: usize, rows: usize, height: usize) -> Result<(), usize> {
-    for first in (0..k).step_by(DEEP) {
-        let end = k.min(first + DEEP);
-        let mut j = first;
-        while j < end {
-            let (done, rest) = panel.split_at_mut(j * height);
-            let done = &done[first * height..];
-            j += match end - j {
-                WIDE.. => block::<S, WIDE>(simd, done, rest, j, rows, height),
-                4.. => block::<S, 4>(simd, done, rest, j, rows, height),
-                2.. => block::<S, 2>(simd, done, rest, j, rows, height),
-                _ => block::<S, 1>(simd, done, rest, j, rows, height),
-            }?;
-        }
-        let (done, rest) = panel.split_at_mut(end * height);
-        let target = Target { columns: rest, side: height, row: end };
-        subtract_products(simd, &done[first * height..], height, end..rows, k - end, target);
-    }
-    Ok(())
-}
-
-/// Columns j … j + N − 1 of a panel (`rest` begins with them), from those before that are done and in the same block; returns N.
-#[inline(always)]
-fn block<S: Simd, const N: usize>(
-    simd: S,
-    done: &[f64],
-    rest: &mut [f64],
-    j: usize,
-    rows: usize,
-    height: usize,
-) -> Result<usize, usize> {
-    // Vectors begin at a multiple of their length; what they hold above the diagonal is wiped at the end.
-    let start = j / PAD * PAD;
-    if !done.is_empty() {
-        let mut at = start;
-        while at < rows {
-            let target = (&mut *rest, height, at);
-            let vectors = TALL.min((rows - at).div_ceil(S::F64_LANES));
-            match vectors {
-                TALL => tile::<S, N, TALL>(simd, done, height, at, j, target),
-                2 => tile::<S, N, 2>(simd, done, height, at, j, target),
-                _ => tile::<S, N, 1>(simd, done, height, at, j, target),
-            };
-            at += vectors * S::F64_LANES;
-        }
-    }
-    // The triangle on the diagonal.
-    let mut lower = [[0.0; N]; N];
-    let mut inverse = [0.0; N];
-    for c in 0..N {
-        for r in c..N {
-            let mut sum = rest[c * height + j + r];
-            for p in 0..c {
-                sum -= lower[r][p] * lower[c][p];
-            }
-            if r > c {
-                lower[r][c] = sum * inverse[c];
-            } else if sum > 0.0 && sum.is_finite() {
-                lower[c][c] = sum.sqrt();
-                inverse[c] = 1.0 / lower[c][c];
-            } else {
-                return Err(j + c);
-            }
-        }
-    }
-    // Rows below: X ← X L⁻ᵀ.
-    let lanes = S::F64_LANES;
-    let mut at = start;
-    while at < rows {
-        let mut x = [simd.splat_f64s(0.0); N];
-        for c in 0..N {
-            let column = &mut rest[c * height + at..c * height + at + lanes];
-            let column = &mut S::as_mut_simd_f64s(column).0[0];
-            let mut sum = *column;
-            for p in 0..c {
-                sum = simd.mul_add_f64s(simd.splat_f64s(-lower[c][p]), x[p], sum);
-            }
-            x[c] = simd.mul_f64s(sum, simd.splat_f64s(inverse[c]));
-            *column = x[c];
-        }
-        at += lanes;
-    }
-    for c in 0..N {
-        let column = &mut rest[c * height..(c + 1) * height];
-        column[start..j + c].fill(0.0);
-        for r in c..N {
-            column[j + r] = lower[r][c];
-        }
-    }
-    Ok(N)
-}
-
-/// Columns that a product is subtracted from, each `side` long; the first row of the product lies at `row`.
-struct Target<'a> {
-    columns: &'a mut [f64],
-    side: usize,
-    row: usize,
-}
-
-/// C ← C − B Bᵀ for the `rows` B of `a` (columns of length `height`), its first `columns` columns, lower triangle by
-/// tiles.
-#[inline(always)]
-fn subtract_products<S: Simd>(
-    simd: S,
-    a: &[f64],
-    height: usize,
-    rows: std::ops::Range<usize>,
-    columns: usize,
-    mut target: Target<'_>,
-) {
-    for a in a.chunks(DEEP * height) {
-        let mut done = 0;
-        while done < rows.len() {
-            let (first, row) = (rows.start, rows.start + done);
-            done += match (rows.end - row).div_ceil(S::F64_LANES) {
-                TALL.. => strip::<S, TALL>(simd, a, height, (first, row), columns, &mut target),
-                2 => strip::<S, 2>(simd, a, height, (first, row), columns, &mut target),
-                _ => strip::<S, 1>(simd, a, height, (first, row), columns, &mut target),
-            };
-        }
-    }
-}
-
-/// M vectors of rows from `row` on against all columns that begin above their end: the strip stays in the first cache
-/// while the columns pass by. Returns its rows.
-#[inline(always)]
-fn strip<S: Simd, const M: usize>(
-    simd: S,
-    a: &[f64],
-    height: usize,
-    (first, row): (usize, usize),
-    columns: usize,
-    target: &mut Target<'_>,
-) -> usize {
-    let length = M * S::F64_LANES;
-    let last = columns.min(row - first + length);
-    let to = target.row + row - first;
-    let mut j = 0;
-    while j < last {
-        let c = (&mut target.columns[j * target.side..], target.side, to);
-        j += match last - j {
-            WIDE.. => tile::<S, WIDE, M>(simd, a, height, row, first + j, c),
-            4.. => tile::<S, 4, M>(simd, a, height, row, first + j, c),
-            2.. => tile::<S, 2, M>(simd, a, height, row, first + j, c),
-            _ => tile::<S, 1, M>(simd, a, height, row, first + j, c),
-        };
-    }
-    length
-}
-
-/// N columns and M vectors of rows of the product, summed in registers; returns N.
-#[inline(always)]
-fn tile<S: Simd, const N: usize, const M: usize>(
-    simd: S,
-    a: &[f64],
-    height: usize,
-    row: usize,
-    right: usize,
-    (c, side, to): (&mut [f64], usize, usize),
-) -> usize {
-    let length = M * S::F64_LANES;
-    let mut sums = [[simd.splat_f64s(0.0); M]; N];
-    for column in a.chunks_exact(height) {
-        let left = S::as_simd_f64s(&column[row..row + length]).0;
-        let factors = &column[right..right + N];
-        for n in 0..N {
-            let factor = simd.splat_f64s(factors[n]);
-            for m in 0..M {
-                sums[n][m] = simd.mul_add_f64s(factor, left[m], sums[n][m]);
-            }
-        }
-    }
-    for n in 0..N {
-        let target = S::as_mut_simd_f64s(&mut c[n * side + to..n * side + to + length]).0;
-        for m in 0..M {
-            target[m] = simd.sub_f64s(target[m], sums[n][m]);
-        }
-    }
-    N
-}
-
-struct Solve<'a> {
+struct Solve<'a, T> {
     fronts: &'a Fronts,
-    values: &'a [f64],
+    values: &'a [T],
     columns: &'a mut [f64],
 }
 
-impl WithSimd for Solve<'_> {
+impl<T: Scalar> WithSimd for Solve<'_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -533,10 +358,10 @@ impl WithSimd for Solve<'_> {
         let Self { fronts, values, columns } = self;
         let n = fronts.size();
         let most = fronts.supernodes.iter().map(|it| it.height()).max().unwrap_or(0);
-        let (mut x, mut local) = (vec![0.0; n], vec![0.0; most]);
+        let (mut x, mut local) = (vec![T::default(); n], vec![T::default(); most]);
         for column in columns.chunks_exact_mut(n) {
             for (&place, &b) in fronts.place.iter().zip(&*column) {
-                x[place as usize] = b;
+                x[place as usize] = T::from_f64(b);
             }
             for node in &fronts.supernodes {
                 forward(simd, node, &fronts.rows[node.rows()], &values[node.panel()], &mut x, &mut local);
@@ -545,7 +370,7 @@ impl WithSimd for Solve<'_> {
                 backward(simd, node, &fronts.rows[node.rows()], &values[node.panel()], &mut x, &mut local);
             }
             for (&place, b) in fronts.place.iter().zip(column) {
-                *b = x[place as usize];
+                *b = x[place as usize].to_f64();
             }
         }
     }
@@ -553,36 +378,36 @@ impl WithSimd for Solve<'_> {
 
 /// Lx = b for the columns of one supernode.
 #[inline(always)]
-fn forward<S: Simd>(simd: S, node: &Supernode, rows: &[u32], panel: &[f64], x: &mut [f64], local: &mut [f64]) {
+fn forward<T: Scalar, S: Simd>(simd: S, node: &Supernode, rows: &[u32], panel: &[T], x: &mut [T], local: &mut [T]) {
     let (k, height) = (node.k(), node.height());
     let first = node.first as usize;
     let local = &mut local[..height];
     local[..k].copy_from_slice(&x[first..first + k]);
-    local[k..].fill(0.0);
+    local[k..].fill(T::default());
     for (c, column) in panel.chunks_exact(height).enumerate() {
         let value = local[c] / column[c];
         // Whole vectors from the one that holds the diagonal on: what lies above it is zero in L.
-        let start = c / PAD * PAD;
-        let factor = simd.splat_f64s(-value);
-        let (target, _) = S::as_mut_simd_f64s(&mut local[start..]);
-        for (t, s) in target.iter_mut().zip(S::as_simd_f64s(&column[start..]).0) {
-            *t = simd.mul_add_f64s(factor, *s, *t);
+        let start = c / T::PAD * T::PAD;
+        let factor = T::splat(simd, -value);
+        let (target, _) = T::vectors_mut::<S>(&mut local[start..]);
+        for (t, s) in target.iter_mut().zip(T::vectors::<S>(&column[start..]).0) {
+            *t = T::mul_add(simd, factor, *s, *t);
         }
-        let tail = height / S::F64_LANES * S::F64_LANES;
+        let tail = height / T::lanes::<S>() * T::lanes::<S>();
         for r in tail.max(start)..height {
             local[r] -= value * column[r];
         }
         local[c] = value;
     }
     x[first..first + k].copy_from_slice(&local[..k]);
-    for (&row, value) in rows.iter().zip(&local[k..]) {
+    for (&row, &value) in rows.iter().zip(&local[k..]) {
         x[row as usize] += value;
     }
 }
 
 /// Lᵀx = b for the columns of one supernode.
 #[inline(always)]
-fn backward<S: Simd>(simd: S, node: &Supernode, rows: &[u32], panel: &[f64], x: &mut [f64], local: &mut [f64]) {
+fn backward<T: Scalar, S: Simd>(simd: S, node: &Supernode, rows: &[u32], panel: &[T], x: &mut [T], local: &mut [T]) {
     let (k, height) = (node.k(), node.height());
     let first = node.first as usize;
     let local = &mut local[..height];
@@ -590,19 +415,19 @@ fn backward<S: Simd>(simd: S, node: &Supernode, rows: &[u32], panel: &[f64], x: 
     for (value, &row) in local[k..].iter_mut().zip(rows) {
         *value = x[row as usize];
     }
-    local[k + rows.len()..].fill(0.0);
+    local[k + rows.len()..].fill(T::default());
     for (c, column) in panel.chunks_exact(height).enumerate().rev() {
         let value = local[c];
-        local[c] = 0.0;
-        let start = c / PAD * PAD;
-        let (xs, x_rest) = S::as_simd_f64s(&local[start..]);
-        let (ls, l_rest) = S::as_simd_f64s(&column[start..]);
-        let mut sum = simd.splat_f64s(0.0);
+        local[c] = T::default();
+        let start = c / T::PAD * T::PAD;
+        let (xs, x_rest) = T::vectors::<S>(&local[start..]);
+        let (ls, l_rest) = T::vectors::<S>(&column[start..]);
+        let mut sum = T::splat(simd, T::default());
         for (a, b) in xs.iter().zip(ls) {
-            sum = simd.mul_add_f64s(*a, *b, sum);
+            sum = T::mul_add(simd, *a, *b, sum);
         }
-        let mut dot = simd.reduce_sum_f64s(sum);
-        for (a, b) in x_rest.iter().zip(l_rest) {
+        let mut dot = T::sum(simd, sum);
+        for (&a, &b) in x_rest.iter().zip(l_rest) {
             dot += a * b;
         }
         local[c] = (value - dot) / column[c];

@@ -40,14 +40,14 @@ impl Levenberg {
         objective: &mut dyn Curved,
         x: &mut [f64],
         hessian: &mut SymmetricMatrix,
-        analysis: &Analysis,
+        analysis: &Analysis<f32>,
         limits: &Limits,
         monitor: &Monitor,
     ) -> Result<Outcome, Cancelled> {
         let n = x.len();
         let mut walk = Walk::new(objective, x, limits, monitor);
         let (mut damping, mut failures) = (self.damping, 0);
-        let mut factor: Option<Cholesky> = None;
+        let mut factor: Option<Cholesky<f32>> = None;
         walk.objective.curvature(walk.x, hessian);
         let mut damped = hessian.clone();
         while walk.goes_on()? {
@@ -61,12 +61,12 @@ impl Levenberg {
                 Some(it) => it.refactor(&damped),
                 None => analysis.factor(&damped).map(|it| factor = Some(it)),
             };
-            let Some(llt) = factor.as_ref().filter(|_| factored.is_ok()) else {
+            let llt = factor.as_ref().filter(|_| factored.is_ok());
+            let Some(mut step) = llt.and_then(|it| refined(it, &damped, &walk.gradient)) else {
                 damping *= 4.0;
                 failures += 1;
                 continue;
             };
-            let mut step = llt.solve(&walk.gradient);
             let scale = -(self.longest_step / largest(&step)).min(1.0);
             step.iter_mut().for_each(|d| *d *= scale);
             let (slope, bend) = (dot(&walk.gradient, &step), dot(&step, &hessian.multiply(&step)));
@@ -98,6 +98,18 @@ impl Levenberg {
         }
         Ok(walk.outcome())
     }
+}
+
+/// Solves A x = b with the factor in single precision and one step of iterative refinement; `None` if that changed x
+/// much, so that the factor is too rough for this matrix.
+fn refined(factor: &Cholesky<f32>, matrix: &SymmetricMatrix, b: &[f64]) -> Option<Vec<f64>> {
+    const MUCH: f64 = 0.1;
+    let mut x = factor.solve(b);
+    let mut change: Vec<f64> = matrix.multiply(&x).iter().zip(b).map(|(ax, b)| b - ax).collect();
+    factor.solve_in_place(&mut change);
+    let settled = dot(&change, &change) <= MUCH * MUCH * dot(&x, &x);
+    x.iter_mut().zip(change).for_each(|(x, d)| *x += d);
+    settled.then_some(x)
 }
 
 #[cfg(test)]
@@ -137,7 +149,7 @@ mod tests {
         let mut x = vec![-1.2; 20];
         let pairs: Vec<_> = (0..19).map(|i| (i + 1, i)).collect();
         let (mut hessian, _) = SymmetricMatrix::with_pattern(20, &pairs);
-        let analysis = Analysis::new(&hessian).unwrap();
+        let analysis = Analysis::of(&hessian).unwrap();
         let limits = Limits { iterations: 200, gradient: 1e-9, decrease: 0.0, window: 10 };
         let solver = Levenberg { damping: 1e-2, longest_step: 10.0 };
         let out =

@@ -118,7 +118,7 @@ mod tests {
         let limits = Limits { iterations: 50, gradient: 1e-12, decrease: 0.0, window: 10 };
         let monitor = Monitor::silent();
         let (pattern, _) = SymmetricMatrix::with_pattern(3, &[]);
-        let analysis = Analysis::new(&pattern).unwrap();
+        let analysis = Analysis::of(&pattern).unwrap();
         type Solve<'a> = &'a dyn Fn(&mut Breaking, &mut [f64]) -> Outcome;
         let lbfgs: Solve<'_> = &|f, x| Lbfgs::default().minimize(f, x, None, 0.01, &limits, &monitor).unwrap();
         let subgradient: Solve<'_> = &|f, x| Subgradient::new(1e-2).minimize(f, x, &limits, &monitor).unwrap();

@@ -42,7 +42,7 @@ pub(super) struct Curvature {
     star_cells: Vec<Cell>,
     /// Where the blocks of each face go, lower triangle by rows.
     face_cells: Vec<[Cell; 6]>,
-    pub(super) analysis: Analysis,
+    pub(super) analysis: Analysis<f32>,
     pattern: SymmetricMatrix,
 }
 
@@ -171,7 +171,7 @@ impl Curvature {
             starts.push(rows.len() as u32);
         }
         let (pattern, _) = SymmetricMatrix::with_pattern(3 * mesh.vertex_count(), &pairs);
-        let analysis = Analysis::new(&pattern)?;
+        let analysis = Analysis::of(&pattern)?;
         let (stars, star_cells, face_cells) = (Vec::new(), Vec::new(), Vec::new());
         let mut curvature = Self { rows, starts, values, stars, star_cells, face_cells, analysis, pattern };
         curvature.face_cells =

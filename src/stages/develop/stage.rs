@@ -293,7 +293,7 @@ impl Serialize for Levels {
 
 impl Stage for Develop {
     const NAME: &'static str = "develop";
-    const VERSION: u32 = 11;
+    const VERSION: u32 = 12;
     type Input = (SourceMesh, TriMesh);
     type Output = DevelopableMesh;
     type Profile = ();
