@@ -127,6 +127,15 @@ impl<A: Noun> Inputs for A {
     }
 }
 
+impl<A: Noun, B: Noun> Inputs for (A, Option<B>) {
+    type Refs<'a> = (&'a A, Option<&'a B>);
+    const KINDS: &'static [Kind] = &[A::KIND];
+    const WANTS: &'static [Kind] = &[B::KIND];
+    fn fetch(store: &Store) -> Option<Self::Refs<'_>> {
+        Some((store.get()?, store.get()))
+    }
+}
+
 impl<A: Noun, B: Noun> Inputs for (A, B) {
     type Refs<'a> = (&'a A, &'a B);
     const KINDS: &'static [Kind] = &[A::KIND, B::KIND];
@@ -152,7 +161,16 @@ impl<A: Noun, B: Noun, C: Noun> Inputs for (A, B, Option<C>) {
     }
 }
 
-/// What a stage makes: one noun or a pair of nouns.
+impl<A: Noun, B: Noun, C: Noun, D: Noun> Inputs for (A, B, Option<C>, Option<D>) {
+    type Refs<'a> = (&'a A, &'a B, Option<&'a C>, Option<&'a D>);
+    const KINDS: &'static [Kind] = &[A::KIND, B::KIND];
+    const WANTS: &'static [Kind] = &[C::KIND, D::KIND];
+    fn fetch(store: &Store) -> Option<Self::Refs<'_>> {
+        Some((store.get()?, store.get()?, store.get(), store.get()))
+    }
+}
+
+/// What a stage makes: one noun or a few.
 pub trait Outputs: Sized + Send + Sync + 'static {
     /// Kinds made.
     const KINDS: &'static [Kind];
@@ -171,6 +189,13 @@ impl<A: Noun, B: Noun> Outputs for (A, B) {
     const KINDS: &'static [Kind] = &[A::KIND, B::KIND];
     fn artifacts(self) -> Vec<Artifact> {
         vec![self.0.wrap(), self.1.wrap()]
+    }
+}
+
+impl<A: Noun, B: Noun, C: Noun> Outputs for (A, B, C) {
+    const KINDS: &'static [Kind] = &[A::KIND, B::KIND, C::KIND];
+    fn artifacts(self) -> Vec<Artifact> {
+        vec![self.0.wrap(), self.1.wrap(), self.2.wrap()]
     }
 }
 

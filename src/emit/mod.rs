@@ -10,6 +10,7 @@ pub mod mill;
 pub mod obj;
 mod pdf;
 pub mod stl;
+pub mod stripes;
 pub mod strips;
 mod svg;
 

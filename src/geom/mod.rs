@@ -16,6 +16,8 @@ pub mod triangle;
 pub type Vec3 = nalgebra::Vector3<f64>;
 /// A point or vector in the plane, millimetres.
 pub type Vec2 = nalgebra::Vector2<f64>;
+/// A complex number: a vector or a rotation in a tangent plane.
+pub type Complex = nalgebra::Complex<f64>;
 
 /// Axis-aligned box in space.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -4,6 +4,7 @@ mod mill;
 mod nouns;
 mod planar;
 mod shape;
+mod stripes;
 mod strips;
 
 pub use mill::{MillMove, Milling, Setup};
@@ -16,4 +17,5 @@ pub use shape::{
     CutMesh, DevelopableMesh, Flattening, Guides, Misfit, Overlap, Patch, Piece, PieceId, Round, Seam, SourceMesh,
     Tradeoff,
 };
+pub use stripes::{StripeEnd, StripeLine, Stripes};
 pub use strips::{Corner, Panel, PanelKind, Ruled, Ruling, Strips};

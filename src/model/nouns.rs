@@ -1,5 +1,7 @@
 //! The sum of all nouns, so that a plan can be checked and a store can hold them.
-use super::{CutMesh, DevelopableMesh, Flattening, Guides, Milling, Parts, Sheets, SourceMesh, Strips, Toolpaths};
+use super::{
+    CutMesh, DevelopableMesh, Flattening, Guides, Milling, Parts, Sheets, SourceMesh, Stripes, Strips, Toolpaths,
+};
 use crate::mesh::TriMesh;
 
 macro_rules! nouns {
@@ -44,4 +46,17 @@ pub trait Noun: Sized + Send + Sync + 'static {
     fn peek(artifact: &Artifact) -> Option<&Self>;
 }
 
-nouns!(SourceMesh, Guides, TriMesh, DevelopableMesh, CutMesh, Flattening, Strips, Parts, Sheets, Toolpaths, Milling);
+nouns!(
+    SourceMesh,
+    Guides,
+    TriMesh,
+    DevelopableMesh,
+    CutMesh,
+    Flattening,
+    Strips,
+    Parts,
+    Sheets,
+    Toolpaths,
+    Milling,
+    Stripes
+);

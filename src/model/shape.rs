@@ -25,6 +25,8 @@ pub struct Guides {
     pub seams: Vec<Vec<Vec3>>,
     /// Parts of the surface that were named to be preferred or avoided.
     pub patches: Vec<Patch>,
+    /// Edges of the developable mesh that must be seams, as pairs of vertices: lines that a stage has cut into it.
+    pub edges: Vec<[u32; 2]>,
 }
 
 /// A painted part of the input.

@@ -10,7 +10,8 @@ use crate::{
     model::{
         Artifact, Bend, Corner, CutMesh, DevelopableMesh, Flattening, Guides, Joints, Kind, Mark, MillMove, Milling,
         Noun, Opening, Operation, Overlap, Panel, PanelKind, Part, Parts, Patch, Piece, PieceId, Placement, Round,
-        Ruled, Ruling, Seam, Setup, Sheet, SheetPaths, Sheets, SourceMesh, Strips, Toolpath, Toolpaths, Tradeoff,
+        Ruled, Ruling, Seam, Setup, Sheet, SheetPaths, Sheets, SourceMesh, StripeEnd, StripeLine, Stripes, Strips,
+        Toolpath, Toolpaths, Tradeoff,
     },
 };
 
@@ -52,7 +53,7 @@ macro_rules! numbers {
     )*};
 }
 
-numbers!(u8, u32, u64, f64);
+numbers!(u8, u32, i32, u64, f64);
 
 impl Codec for usize {
     fn put(&self, out: &mut Vec<u8>) {
@@ -245,7 +246,7 @@ plain_enums! {
 
 records! {
     SourceMesh { mesh, file, repairs, up }
-    Guides { seams, patches }
+    Guides { seams, patches, edges }
     Patch { key, triangles }
     Round {
         energy, vertices, faces, energy_start, energy_end, gradient_norm, iterations, evaluations, seconds, stopped,
@@ -262,6 +263,11 @@ records! {
     Panel { piece, strip, kind, outline }
     Ruling { piece, ends, panels, bend, radius, length, bow }
     Strips { points, corners, panels, rulings, ruled, residual, directions, fold_angle, tolerance }
+    StripeLine { points, closed, inner_ends, pieces }
+    StripeEnd { face, place, index }
+    Stripes {
+        lines, drawn, faces, components, prescribed, found, windings, field_singularities, period_error, energy, spacing, seconds,
+    }
     Mark { operation, points, closed }
     Part { name, contours, marks }
     Opening { part, width, area }
@@ -318,5 +324,6 @@ artifacts!(
     Parts,
     Sheets,
     Toolpaths,
-    Milling
+    Milling,
+    Stripes
 );

@@ -13,7 +13,9 @@ use super::{
 use crate::{
     emit::{self, File, Nouns},
     mesh::TriMesh,
-    model::{CutMesh, DevelopableMesh, Flattening, Milling, Operation, Parts, Sheets, SourceMesh, Strips, Toolpaths},
+    model::{
+        CutMesh, DevelopableMesh, Flattening, Milling, Operation, Parts, Sheets, SourceMesh, Stripes, Strips, Toolpaths,
+    },
     numeric::{Cancelled, Monitor},
     profile::Machine,
     report::{
@@ -55,7 +57,7 @@ pub(super) fn deliver(
     let steps = cut.map(assembly::steps).unwrap_or_default();
     let jobs: Vec<Job<'_>> = models(store)
         .into_iter()
-        .chain(strips(store))
+        .chain([strips(store), stripes(store)].into_iter().flatten())
         .chain(pictures(store, &line))
         .chain(cut.map(|it| instructions(store, it, &steps, instruction)))
         .chain(mill_programs(store, &plan.profiles.machine))
@@ -171,6 +173,20 @@ fn strips(store: &Store) -> Vec<Job<'_>> {
         ("model/strips.obj".into(), "obj", Box::new(obj)),
         ("strips/rolling.csv".into(), "csv", Box::new(move || Ok(emit::strips::rolling(strips, &cut.pieces)))),
         ("strips/press-brake.csv".into(), "csv", Box::new(move || Ok(emit::strips::press_brake(strips, &cut.pieces)))),
+    ]
+}
+
+/// The lines of the stripes, to look at and as a path for a tool.
+fn stripes(store: &Store) -> Vec<Job<'_>> {
+    let Some(stripes) = store.get::<Stripes>() else { return vec![] };
+    let obj = move || {
+        let mut bytes = Vec::new();
+        emit::stripes::obj(stripes, &mut bytes).expect("writing to memory cannot fail");
+        Ok(bytes)
+    };
+    vec![
+        ("stripes/lines.obj".into(), "obj", Box::new(obj)),
+        ("stripes/path.csv".into(), "csv", Box::new(move || Ok(emit::stripes::path(stripes)))),
     ]
 }
 

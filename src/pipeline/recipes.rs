@@ -4,7 +4,7 @@ use crate::{
     stages::{
         coarsen::stage::CoarsenStage, cut::stage::CutStage, develop::stage::Develop, flatten::stage::FlattenStage,
         layout::stage::LayoutStage, mill::stage::MillStage, nest::stage::NestStage, route::stage::RouteStage,
-        strips::stage::StripsStage, unfold::stage::UnfoldStage,
+        stripes::stage::StripesStage, strips::stage::StripsStage, unfold::stage::UnfoldStage,
     },
 };
 
@@ -12,6 +12,7 @@ use crate::{
 pub const STAGES: &[StageDef] = &[
     StageDef::of::<CoarsenStage>(),
     StageDef::of::<Develop>(),
+    StageDef::of::<StripesStage>(),
     StageDef::of::<CutStage>(),
     StageDef::of::<FlattenStage>(),
     StageDef::of::<StripsStage>(),
@@ -58,5 +59,17 @@ pub const RECIPES: &[Recipe] = &[
             ("layout", "fold_angle", "fold_angle = 1"),
         ],
         sample: "[coarsen]\nfaces = 300                # method = \"off\" takes a low-poly mesh as it is\n",
+    },
+    Recipe {
+        name: "stripes",
+        about: "cut a mesh into strips along lines at a spacing that start and end where you say, or only draw them",
+        stages: &["coarsen", "stripes", "cut", "flatten", "layout", "nest", "route"],
+        of_blocks: &[],
+        defaults: &[
+            ("coarsen", "method", "method = \"off\""),
+            // Strips are narrow on purpose.
+            ("cut", "min_neck", "min_neck = 0"),
+        ],
+        sample: "[stripes]\nfield = \"axis\"              # rings about an axis; or smoothest, curvature-most, boundary, guides\nspacing = \"10 mm\"\none_strip = true             # one strip from tip to tip, to be zipped up\n",
     },
 ];

@@ -8,5 +8,6 @@ pub mod layout;
 pub mod mill;
 pub mod nest;
 pub mod route;
+pub mod stripes;
 pub mod strips;
 pub mod unfold;

@@ -19,6 +19,7 @@ mod registry;
 mod send;
 mod sheets;
 mod streamed;
+mod stripes;
 mod strips;
 mod strokes;
 mod tidy;

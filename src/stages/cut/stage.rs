@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::{CutError, NarrowNeck, Options, Region, Side, cut, left_uncut, narrow, obstacle, painted, trace};
 use crate::{
     geom::Vec3,
-    mesh::{Bvh, EdgeId, TriMesh},
+    mesh::{Bvh, EdgeId, TriMesh, VertexId},
     model::{CutMesh, DevelopableMesh, Guides, PieceId, SourceMesh},
     profile::{Extent, Length, Profiles},
     stage::{Check, Cx, Inputs, KeyError, Section, Stage},
@@ -197,6 +197,22 @@ fn drawn(guides: Option<&Guides>) -> Option<&Vec<Vec<Vec3>>> {
     guides.map(|it| &it.seams).filter(|it| !it.is_empty())
 }
 
+/// The edges that must be seams: those along the lines that the user drew, and those that an earlier stage named.
+fn seams(mesh: &TriMesh, guides: Option<&Guides>) -> Vec<EdgeId> {
+    let mut edges = drawn(guides).map_or_else(Vec::new, |lines| trace(mesh, lines).edges);
+    let vertex = |v: u32| (v as usize) < mesh.vertex_count();
+    let named = guides.iter().flat_map(|it| &it.edges).filter(|ends| ends.iter().all(|&v| vertex(v)));
+    let inner = named.filter_map(|&[a, b]| {
+        let [a, b] = [VertexId(a), VertexId(b)];
+        let e = mesh.edge(mesh.find_halfedge(a, b).or_else(|| mesh.find_halfedge(b, a))?);
+        (!mesh.is_boundary_edge(e)).then_some(e)
+    });
+    edges.extend(inner);
+    edges.sort_unstable();
+    edges.dedup();
+    edges
+}
+
 impl CutStage {
     /// Adds what became of the drawn seams.
     fn drawn_seams(&self, mut section: Section, mesh: &TriMesh, lines: &[Vec<Vec3>]) -> Section {
@@ -312,7 +328,7 @@ impl Stage for CutStage {
             neck: self.style.neck(),
             prefer: regions("prefer", &self.prefer),
             avoid: regions("avoid", &self.avoid),
-            seams: drawn(guides).map_or_else(Vec::new, |lines| trace(&developed.mesh, lines).edges),
+            seams: seams(&developed.mesh, guides),
             sheet: self.fit_sheet.then_some(stock.room),
         };
         if stock.offset == 0.0 {

@@ -1,7 +1,10 @@
 //! Lays every piece flat at its true size and measures how well: stretch, flips, overlaps, seams.
 mod outline;
+mod ribbon;
 mod sewing;
 pub mod stage;
+
+pub use ribbon::{Ribbon, ribbons};
 
 use std::collections::BTreeSet;
 

@@ -2,12 +2,12 @@
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::{FlattenError, MISMATCH, Options, Outline, Quality, SeamLengths, flatten, quality, seam_lengths};
+use super::{FlattenError, MISMATCH, Options, Outline, Quality, SeamLengths, flatten, quality, ribbons, seam_lengths};
 use crate::{
     mesh::{FaceId, TriMesh},
-    model::{CutMesh, Flattening, PieceId},
+    model::{CutMesh, Flattening, PieceId, Stripes},
     profile::{Angle, Profiles},
-    stage::{Check, Cx, KeyError, Section, Stage},
+    stage::{Check, Cx, Inputs, KeyError, Section, Stage},
 };
 
 /// How pieces are laid flat.
@@ -44,7 +44,7 @@ pub enum OutlineKey {
 impl Stage for FlattenStage {
     const NAME: &'static str = "flatten";
     const VERSION: u32 = 3;
-    type Input = CutMesh;
+    type Input = (CutMesh, Option<Stripes>);
     type Output = Flattening;
     type Profile = ();
     type Error = FlattenError;
@@ -56,7 +56,7 @@ impl Stage for FlattenStage {
         KeyError::range("corner", self.corner.radians.to_degrees(), 1.0, 120.0)
     }
 
-    fn run(&self, cut: &CutMesh, _: &(), cx: &Cx) -> Result<Flattening, FlattenError> {
+    fn run(&self, (cut, _): <Self::Input as Inputs>::Refs<'_>, (): &(), cx: &Cx) -> Result<Flattening, FlattenError> {
         let outline = match self.outline {
             OutlineKey::Isometric => Outline::Isometric,
             OutlineKey::Straight => Outline::Straight,
@@ -65,7 +65,7 @@ impl Stage for FlattenStage {
         flatten(cut, &options, &cx.monitor)
     }
 
-    fn section(&self, cut: &CutMesh, _: &(), flat: &Flattening) -> Section {
+    fn section(&self, (cut, stripes): <Self::Input as Inputs>::Refs<'_>, (): &(), flat: &Flattening) -> Section {
         let quality = quality(cut, flat);
         let seams = seam_lengths(cut, flat);
         let pieces: Vec<_> = quality
@@ -103,13 +103,26 @@ impl Stage for FlattenStage {
             "max_mismatch_mm": seams.iter().fold(0.0, |max, it| it.mismatch().max(max)),
             "max_mismatch_rel": seams.iter().fold(0.0, |max, it| it.relative().max(max)),
         });
-        Section::new("flatten", table)
-            .table("seams", seam_table)
+        let mut section = Section::new("flatten", table).table("seams", seam_table);
+        if stripes.is_some_and(|it| !it.drawn) {
+            section = section.table("ribbons", json!(ribbon_rows(cut, flat)));
+        }
+        section
             .check(overlap_check(cut, flat, overlap_area))
             .check(flip_check(cut, &quality))
             .check(stretch_check(cut, flat, &quality))
             .check(mismatch_check(cut, &seams))
     }
+}
+
+/// Length and width of every piece as a ribbon.
+fn ribbon_rows(cut: &CutMesh, flat: &Flattening) -> Vec<serde_json::Value> {
+    let row = |(id, it): (PieceId, &super::Ribbon)| {
+        let [p5, median, p95] = it.width;
+        let width = json!({ "p5": p5, "median": median, "p95": p95 });
+        json!({ "name": cut.pieces[id].name, "length_mm": it.length, "width_mm": width })
+    };
+    ribbons(cut, flat).enumerate().map(row).collect()
 }
 
 /// "piece A near (1.0, 2.0, 3.0)".

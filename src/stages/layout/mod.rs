@@ -8,6 +8,7 @@
 
 mod bends;
 mod dress;
+mod engrave;
 mod folds;
 mod join;
 mod lettering;

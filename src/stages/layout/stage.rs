@@ -2,12 +2,12 @@
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::{Bending, Holes, Join, LayoutError, Options, Sides, Tabs, layout, rulings};
+use super::{Bending, Holes, Join, LayoutError, Options, Sides, Tabs, engrave, layout, rulings};
 use crate::{
     geom::outline::check_outline,
-    model::{CutMesh, Flattening, Joints, Operation, Parts, Strips},
+    model::{CutMesh, Flattening, Joints, Operation, Parts, Stripes, Strips},
     profile::{Angle, Bend, JoinKind, Joining, Length, Perforation, Profiles, TabSides},
-    stage::{Check, Cx, KeyError, Section, Stage},
+    stage::{Check, Cx, Inputs, KeyError, Section, Stage},
 };
 
 /// What is drawn of the rulings of a piece.
@@ -81,7 +81,7 @@ pub struct Craft {
 impl Stage for LayoutStage {
     const NAME: &'static str = "layout";
     const VERSION: u32 = 7;
-    type Input = (CutMesh, Flattening, Option<Strips>);
+    type Input = (CutMesh, Flattening, Option<Strips>, Option<Stripes>);
     type Output = Parts;
     type Profile = Craft;
     type Error = LayoutError;
@@ -112,7 +112,7 @@ impl Stage for LayoutStage {
 
     fn run(
         &self,
-        (cut, flat, strips): (&CutMesh, &Flattening, Option<&Strips>),
+        (cut, flat, strips, stripes): <Self::Input as Inputs>::Refs<'_>,
         craft: &Craft,
         cx: &Cx,
     ) -> Result<Parts, LayoutError> {
@@ -140,10 +140,13 @@ impl Stage for LayoutStage {
             let (spacing, fold_angle) = (self.ruling_spacing.mm, self.fold_angle.radians);
             rulings::draw(&mut parts, cut, strips, &rulings::Style { score, spacing, fold_angle });
         }
+        if let Some(stripes) = stripes.filter(|it| it.drawn) {
+            engrave::draw(&mut parts, cut, flat, stripes);
+        }
         Ok(parts)
     }
 
-    fn section(&self, _: (&CutMesh, &Flattening, Option<&Strips>), _: &Craft, parts: &Parts) -> Section {
+    fn section(&self, _: <Self::Input as Inputs>::Refs<'_>, _: &Craft, parts: &Parts) -> Section {
         let faults: Vec<String> = parts
             .parts
             .iter()

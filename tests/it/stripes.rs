@@ -1,0 +1,93 @@
+//! Jobs with stripes: a ball that is zipped up from one strip, lines engraved on a developable job, and refusals.
+use crate::job::{fabricate, fixture, job};
+
+fn failed(report: &serde_json::Value) -> Vec<String> {
+    let checks = report["checks"].as_array().unwrap();
+    checks.iter().filter(|it| it["ok"] != true).map(|it| format!("{}: {}", it["name"], it["note"])).collect()
+}
+
+#[test]
+fn a_ball_is_one_strip_that_can_be_zipped_up() {
+    let out = tempfile::tempdir().unwrap();
+    let mesh = fixture("ball.off");
+    let mut args = vec![mesh.as_str(), "--to", "layout", "--threads", "1"];
+    let settings = [
+        "recipe=stripes",
+        "input.height=\"60 mm\"",
+        "stripes.field=\"axis\"",
+        "stripes.spacing=5",
+        "stripes.one_strip=true",
+        "cut.fit_sheet=false",
+        "cut.stretch=0.01",
+    ];
+    settings.iter().for_each(|it| args.extend(["--set", it]));
+    let report = job(out.path(), &args);
+    assert!(failed(&report).is_empty(), "{:?}", failed(&report));
+    let stripes = &report["stripes"];
+    assert_eq!((&stripes["lines"], &stripes["open_ends"], &stripes["closed_lines"]), (&1.into(), &2.into(), &0.into()));
+    assert_eq!(stripes["found"], stripes["prescribed"]);
+    // The zip is as long as the area over the spacing, and the widest ribbon as wide as the spacing.
+    let length = stripes["longest_line_mm"].as_f64().unwrap();
+    let area = std::f64::consts::PI * 60.0 * 60.0;
+    assert!((length / (area / 5.0) - 1.0).abs() < 0.05, "{length}");
+    let ribbon = &report["ribbons"][0];
+    let width = |key: &str| ribbon["width_mm"][key].as_f64().unwrap();
+    assert!((width("median") / 5.0 - 1.0).abs() < 0.05 && width("p5") > 4.0 && width("p95") < 6.0, "{ribbon}");
+    assert!(ribbon["length_mm"].as_f64().unwrap() > 0.5 * area / 5.0, "{ribbon}");
+    // Both edges carry marks, and are equally long.
+    assert!(report["outlines"]["match_marks"].as_u64().unwrap() > 100);
+    let path = std::fs::read_to_string(out.path().join("stripes/path.csv")).unwrap();
+    let along: f64 = path.lines().last().unwrap().rsplit(',').next().unwrap().parse().unwrap();
+    assert!((along / length - 1.0).abs() < 1e-6, "{along} {length}");
+}
+
+#[test]
+fn lines_are_engraved_on_a_developable_job() {
+    let out = tempfile::tempdir().unwrap();
+    let mesh = fixture("cylinder.obj");
+    let mut args = vec![mesh.as_str(), "--to", "layout", "--threads", "1"];
+    let settings = [
+        "stages=[\"coarsen\",\"stripes\",\"cut\",\"flatten\",\"layout\"]",
+        "coarsen.method=\"off\"",
+        "stripes.field=\"axis\"",
+        "stripes.axis=[0,1,0]",
+        "stripes.spacing=10",
+        "stripes.angle=90",
+        "stripes.cut=false",
+    ];
+    settings.iter().for_each(|it| args.extend(["--set", it]));
+    let report = job(out.path(), &args);
+    assert!(failed(&report).is_empty(), "{:?}", failed(&report));
+    // Along the axis of a cylinder of radius 30 mm: 18.8 lines around, from rim to rim.
+    let lines = report["stripes"]["lines"].as_u64().unwrap();
+    assert_eq!(lines, 19);
+    assert!(report["outlines"]["engraved_lines"].as_u64().unwrap() >= lines);
+    assert!(report.get("ribbons").is_none());
+}
+
+#[test]
+fn impossible_stripes_are_refused_with_the_reason() {
+    let out = tempfile::tempdir().unwrap();
+    let dir = out.path().display().to_string();
+    let mesh = fixture("ball.off");
+    let run = |set: &str| {
+        let base = ["run", &mesh, "--set", "recipe=stripes", "--to", "stripes", "--out", &dir, "--set", set];
+        let result = fabricate(&base);
+        (
+            result.status.code(),
+            String::from_utf8_lossy(&result.stderr).into_owned() + &String::from_utf8_lossy(&result.stdout),
+        )
+    };
+    for (set, code, said) in [
+        ("stripes.spacing=0", 2, "between 0.001"),
+        ("stripes.singularities=[{index=1}]", 2, "exactly one of"),
+        ("stripes.spacing=0.01", 1, "finer mesh"),
+        ("stripes.singularities=[{face=99999,index=1}]", 1, "face 99999"),
+        ("stripes.singularities=[{face=1,index=1}]", 1, "-1 is missing"),
+        ("stripes.field=\"boundary\"", 1, "no boundary"),
+    ] {
+        let (found, text) = run(set);
+        assert_eq!(found, Some(code), "{set}: {text}");
+        assert!(text.contains(said), "{set}: {text}");
+    }
+}
