@@ -61,6 +61,9 @@ pub struct Section {
     pub checks: Vec<Check>,
 }
 
+/// Share of its depth by which the neutral layer may be missed: a quarter of the thickness where it lies in the middle.
+const NEUTRAL: f64 = 0.5;
+
 impl Section {
     /// One table and no checks: `Section::new("coarsen", json!({ "faces": 800 }))`.
     pub fn new(name: &str, table: Value) -> Self {
@@ -71,14 +74,26 @@ impl Section {
         self.tables.insert(name.into(), table);
         self
     }
-    /// Adds what the thickness of the material did to the surface, unless it lies `offset` = 0 mm off: the largest difference
-    /// between how far a plane moved and that, mm, and the number of vertices that had no room to go so far.
-    pub fn neutral_layer(self, offset: f64, error: f64, shortened: usize) -> Self {
+    /// Adds what the thickness of the material did to the surface, unless it lies `offset` = 0 mm off: the difference between
+    /// how far planes moved and that, as `usual` on 99 % of the area and the `largest` one, mm, and the number of vertices that
+    /// had no room to go so far.
+    pub fn neutral_layer(self, offset: f64, [usual, largest]: [f64; 2], shortened: usize) -> Self {
         if offset == 0.0 {
             return self;
         }
-        let table = json!({ "offset_mm": offset, "max_error_mm": error, "shortened_vertices": shortened });
-        self.table("neutral_layer", table)
+        let table = json!({
+            "offset_mm": offset,
+            "p99_error_mm": usual,
+            "max_error_mm": largest,
+            "shortened_vertices": shortened,
+        });
+        let note = format!(
+            "99 % of the area lies so near to the layer {:.2} mm under the surface that keeps its length; in needle points and pits \
+             at most {largest:.2} mm off",
+            -offset
+        );
+        let limit = NEUTRAL * offset.abs();
+        self.table("neutral_layer", table).check(Check::at_most("neutral_layer", usual, limit, "mm", note))
     }
     /// Adds a check.
     pub fn check(mut self, check: Check) -> Self {

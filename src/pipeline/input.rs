@@ -17,8 +17,9 @@ use crate::{
     stage::Key,
 };
 
-/// Diagonals outside of this range, mm, are taken for a missing unit when the config gives neither unit nor size.
-const PLAUSIBLE: std::ops::RangeInclusive<f64> = 20.0..=3000.0;
+/// Diagonals outside of this range, mm, are taken for a missing unit when the config gives neither unit nor size: below, parts
+/// would be smaller than a fingernail.
+const PLAUSIBLE: std::ops::RangeInclusive<f64> = 50.0..=3000.0;
 /// Height given to a model of implausible size, mm.
 const FALLBACK_HEIGHT: f64 = 180.0;
 

@@ -215,11 +215,13 @@ fn reached(contour: &[Vec2], cut: &SegmentTree, outline: &SegmentTree, half: f64
             let p = a + (b - a) * ((k as f64 + 0.5) / steps as f64);
             let tool = p + right * half;
             let fits = half == 0.0 || outline.nearest(tool).is_none_or(|(_, near)| (near - tool).norm() > half - 1e-3);
-            let Some((_, near)) = cut.nearest(p).filter(|_| fits) else { continue };
+            let Some((_, near)) = cut.nearest(p) else { continue };
             let short = (near - p).norm() - half;
-            if webs > 0.0 && short > WEB {
+            // The tool leaves a fillet in a corner; where it keeps farther away than in any blunt one, the part still hangs there.
+            let hangs = !fits && short > 3.0 * half + LIMIT;
+            if hangs || webs > 0.0 && fits && short > WEB {
                 fit.uncut += length / steps as f64;
-            } else {
+            } else if fits {
                 fit.short = fit.short.max(short);
             }
         }

@@ -62,12 +62,14 @@ pub enum JoinKind {
     Allowance,
     /// Holes along both sides, for lacing or hand stitching.
     Holes,
+    /// Fingers of either side in turn in notches of the other, for board that is not folded.
+    Fingers,
 }
 
 impl JoinKind {
     /// Whether it adds material outside the seams.
     pub fn stands_out(self) -> bool {
-        matches!(self, Self::Tabs | Self::Rivets | Self::Allowance)
+        matches!(self, Self::Tabs | Self::Rivets | Self::Allowance | Self::Fingers)
     }
 
     /// What to do along a seam, for people.
@@ -78,6 +80,9 @@ impl JoinKind {
             Self::Rivets => "Put the flaps under the edge with the same number and rivet them",
             Self::Allowance => {
                 "Lay the sides with the same number face to face, match the notches, and sew along the line"
+            }
+            Self::Fingers => {
+                "Push the fingers of either edge into the notches of the other, number to number, and glue them"
             }
             Self::Holes => "Lay edge against edge, number to number, and stitch through the holes",
         }
@@ -103,11 +108,11 @@ pub enum TabSides {
 pub struct Joining {
     /// The kind.
     pub kind: JoinKind,
-    /// Width of tabs or of the allowance.
+    /// Width of tabs or of the allowance; where fingers join sheets nearly in one plane, twice as far as they reach.
     pub width: Length,
     /// Angle between the flanks of a tab and the seam.
     pub angle: Angle,
-    /// Longest stretch of a seam that one tab takes.
+    /// Longest stretch of a seam that one tab or finger takes.
     pub length: Length,
     /// Which sides carry tabs.
     pub sides: TabSides,

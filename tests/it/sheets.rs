@@ -85,6 +85,52 @@ fn an_angle_of_aluminium_is_as_long_as_the_formula_says() {
     assert!((k - std::f64::consts::FRAC_PI_2 * 2.4).abs() < 1e-3, "K = 0.4 at R/T = 2: {k}");
 }
 
+/// A closed box of three lengths, its faces outwards.
+fn cuboid(folder: &Path, size: [f64; 3]) -> String {
+    let mut text = String::new();
+    for k in 0..8 {
+        let [x, y, z] = [0, 1, 2].map(|axis| if k >> axis & 1 == 1 { size[axis] } else { 0.0 });
+        text += &format!("v {x} {y} {z}\n");
+    }
+    for [a, b, c, d] in [[1, 3, 4, 2], [5, 6, 8, 7], [1, 2, 6, 5], [3, 7, 8, 4], [1, 5, 7, 3], [2, 4, 8, 6]] {
+        text += &format!("f {a} {b} {c}\nf {a} {c} {d}\n");
+    }
+    let file = folder.join("box.obj");
+    fs::write(&file, text).unwrap();
+    file.display().to_string()
+}
+
+#[test]
+fn a_box_of_plywood_goes_together_with_fingers() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = cuboid(folder.path(), [60.0, 50.0, 40.0]);
+    let keys = [
+        "recipe=facets",
+        "input.units=mm",
+        "coarsen.method=off",
+        "unfold.separate=true",
+        "material.profile=plywood-3mm",
+        "material.join.kind=fingers",
+        "material.neutral_layer=0",
+        "machine.profile=laser-co2",
+    ];
+    let mut args = vec![mesh.as_str()];
+    args.extend(keys.iter().flat_map(|it| ["--set", it]));
+    let report = job(&folder.path().join("out"), &args);
+    assert_eq!(report["status"], "ok", "{}", report["checks"]);
+    let mut found: Vec<[i64; 2]> = ["A", "B", "C", "D", "E", "F"]
+        .map(|name| sides(&drawing(folder.path(), &format!("out/parts/{name}_plywood-3mm_3mm_q1.dxf"))))
+        .map(|it| it.map(|side| side.round() as i64))
+        .into();
+    found.sort();
+    // Half a thickness stands out at either end of the middle layers.
+    assert_eq!(found, [[53, 43], [53, 43], [63, 43], [63, 43], [63, 53], [63, 53]]);
+    // What one face gains another loses, but for the corners, where no finger goes.
+    let areas = report["layout"]["placed"].as_array().unwrap().iter().map(|it| it["area_mm2"].as_f64().unwrap());
+    let (total, surface) = (areas.sum::<f64>(), 2.0 * (60.0 * 50.0 + 60.0 * 40.0 + 50.0 * 40.0));
+    assert!(total < surface && total > 0.98 * surface, "{total} {surface}");
+}
+
 #[test]
 fn a_part_larger_than_its_sheets_is_said_with_the_scale_that_would_fit() {
     let folder = tempfile::tempdir().unwrap();

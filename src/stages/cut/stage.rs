@@ -271,7 +271,7 @@ impl CutStage {
 
 impl Stage for CutStage {
     const NAME: &'static str = "cut";
-    const VERSION: u32 = 8;
+    const VERSION: u32 = 9;
     type Input = (DevelopableMesh, SourceMesh, Option<Guides>);
     type Output = CutMesh;
     type Profile = Stock;
@@ -358,7 +358,8 @@ impl Stage for CutStage {
         if let Some(tolerance) = self.tolerance {
             table["tolerance"] = json!(tolerance);
         }
-        let mut section = Section::new("cut", table).neutral_layer(stock.offset, moved.error, moved.shortened.len());
+        let mut section =
+            Section::new("cut", table).neutral_layer(stock.offset, [moved.usual, moved.error], moved.shortened.len());
         if let Some(lines) = drawn(guides) {
             section = self.drawn_seams(section, &input.mesh, lines);
         }

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use super::{
     Options,
     bends::BendLine,
-    join::Body,
+    join::{Body, Join},
     lettering::Placer,
-    seams::{self, Measured},
+    seams::{self, Measured, Ticks},
 };
 use crate::{
     mesh::Id,
@@ -14,8 +14,9 @@ use crate::{
     numeric::{Cancelled, Monitor},
 };
 
-/// Scales of the lettering of a part to try in turn until everything finds room on it.
-const SCALES: [f64; 4] = [1.0, 0.75, 0.6, 0.45];
+/// Scales of the lettering and ticks of a part to try in turn until everything finds room on it, and how often at each: what
+/// found none chooses first the next time.
+const SCALES: [(f64, usize); 4] = [(1.0, 2), (0.75, 2), (0.6, 2), (0.45, 4)];
 
 /// What the parts are made of.
 pub(super) struct Job<'a> {
@@ -35,16 +36,23 @@ type Calls = BTreeMap<SideOf, String>;
 
 /// The printed side of a part.
 struct Face {
-    /// Folds and ticks.
-    marks: Vec<Mark>,
     /// Sides of seams that it has, the shortest seam first: it has the least choice of places.
     sides: Vec<SideOf>,
     lettering: Lettering,
 }
 
+/// In which order the lettering of a part chooses its places.
+#[derive(PartialEq)]
+struct Order {
+    sides: Vec<SideOf>,
+    /// Whether the name comes before the numbers.
+    name_first: bool,
+}
+
 /// Lettering of a part at one scale.
 #[derive(Default)]
 struct Lettering {
+    /// Folds, ticks and letters.
     marks: Vec<Mark>,
     /// Sides without their number.
     bare: Vec<SideOf>,
@@ -78,7 +86,7 @@ pub(super) fn dress(job: &Job<'_>, monitor: &Monitor, parts: &mut Parts) -> Resu
     job.say_what_is_missing(&faces, &calls, parts);
     for (piece, body) in job.bodies {
         let Some(face) = faces.remove(piece) else { continue };
-        let marks = face.marks.into_iter().chain(face.lettering.marks).collect();
+        let marks = face.lettering.marks;
         parts.parts.push(Part { name: body.name.clone(), contours: body.contours.clone(), marks });
     }
     Ok(())
@@ -86,45 +94,86 @@ pub(super) fn dress(job: &Job<'_>, monitor: &Monitor, parts: &mut Parts) -> Resu
 
 impl Job<'_> {
     fn face(&self, piece: PieceId, body: &Body) -> Face {
-        let mut marks = body.marks.clone();
-        marks.extend(seams::ticks(self.cut, self.flat, piece, &body.contours, &marks, self.seams, self.options));
         let sides = (0..self.seams.len()).flat_map(|i| [(i, 0), (i, 1)]);
         let mut sides: Vec<SideOf> = sides.filter(|&(i, side)| self.seams[i].sides[side].piece == piece).collect();
         sides.sort_by(|a, b| self.seams[a.0].length().total_cmp(&self.seams[b.0].length()));
-        let mut face = Face { marks, sides, lettering: Lettering::default() };
+        let mut face = Face { sides, lettering: Lettering::default() };
         face.lettering = self.letter(piece, body, &face, &BTreeMap::new());
         face
     }
 
-    /// Large letters take the room of others: where one finds none, all of the part are smaller.
+    /// Large letters take the room of others: where one finds none even when it chooses first, all of the part are smaller.
     fn letter(&self, piece: PieceId, body: &Body, face: &Face, calls: &Calls) -> Lettering {
         let mut best: Option<Lettering> = None;
-        for scale in SCALES {
-            let found = self.inscribe(piece, body, face, calls, scale);
-            let lost = self.missing(&found);
-            if best.as_ref().is_none_or(|it| lost < self.missing(it)) {
-                best = Some(found);
-            }
-            if lost == 0 {
-                break;
+        for (scale, rounds) in SCALES {
+            let style = Ticks {
+                longest: scale * self.options.tick,
+                spacing: self.options.tick_spacing,
+                outward: matches!(self.options.join, Join::Allowance(_)),
+            };
+            let mut lines = body.marks.clone();
+            lines.extend(seams::ticks(self.cut, self.flat, piece, &body.contours, &lines, self.seams, style));
+            // What speaks for a part without letters of its own has the first choice.
+            let (mut sides, others): (Vec<SideOf>, Vec<SideOf>) =
+                face.sides.iter().partition(|it| calls.contains_key(it));
+            sides.extend(others);
+            let mut order = Order { sides, name_first: false };
+            for _ in 0..rounds {
+                let found = self.inscribe(piece, body, &lines, &order, calls, scale);
+                let lost = self.missing(&found);
+                let next = self.urgent_first(&order, &found);
+                if best.as_ref().is_none_or(|it| lost < self.missing(it)) {
+                    best = Some(found);
+                }
+                if lost == 0 {
+                    return best.unwrap_or_default();
+                }
+                if next == order {
+                    break;
+                }
+                order = next;
             }
         }
         best.unwrap_or_default()
     }
 
-    /// The lettering at `scale` of its preferred heights.
-    fn inscribe(&self, piece: PieceId, body: &Body, face: &Face, calls: &Calls, scale: f64) -> Lettering {
-        let mut placer = Placer::new(&body.contours, &face.marks);
-        let mut out = Lettering::default();
+    /// The order in which what found no room comes before what did.
+    fn urgent_first(&self, order: &Order, found: &Lettering) -> Order {
+        let urgent = |it: &&SideOf| found.bare.contains(it) && self.promised(it.0);
+        let (mut sides, others): (Vec<SideOf>, Vec<SideOf>) = order.sides.iter().partition(urgent);
+        sides.extend(others);
+        Order { sides, name_first: order.name_first || found.nameless }
+    }
+
+    /// The lettering at `scale` of its preferred heights, beside `lines` that are there already.
+    fn inscribe(
+        &self,
+        piece: PieceId,
+        body: &Body,
+        lines: &[Mark],
+        order: &Order,
+        calls: &Calls,
+        scale: f64,
+    ) -> Lettering {
+        let mut placer = Placer::new(&body.contours, lines);
+        let mut out = Lettering { marks: lines.to_vec(), ..Lettering::default() };
         let least = self.options.least_height;
         let [label, title] =
             [self.options.label_height, self.options.name_height].map(|height| (scale * height).max(least));
-        for &(i, side) in &face.sides {
+        let name = |placer: &mut Placer<'_>, out: &mut Lettering| match placer.name(&body.name, title, least) {
+            Some(strokes) => out.marks.extend(strokes),
+            None => out.nameless = true,
+        };
+        if order.name_first {
+            name(&mut placer, &mut out);
+        }
+        for &(i, side) in &order.sides {
             let (seam, number) = (&self.seams[i], self.seams[i].label.to_string());
             let named = calls.get(&(i, side)).map(|name| format!("{number} {name}"));
-            let named = named.and_then(|it| placer.seam_label(seam, side, &it, label, least));
+            let must = named.is_some() || self.promised(i);
+            let named = named.and_then(|it| placer.seam_label(seam, side, &it, [label, least], must));
             out.naming.extend(named.is_some().then_some((i, side)));
-            match named.or_else(|| placer.seam_label(seam, side, &number, label, least)) {
+            match named.or_else(|| placer.seam_label(seam, side, &number, [label, least], must)) {
                 Some(strokes) => out.marks.extend(strokes),
                 None => out.bare.push((i, side)),
             }
@@ -135,9 +184,8 @@ impl Job<'_> {
                 None => out.unsaid.push(format!("bend {} of part {}", bend.text, body.name)),
             }
         }
-        match placer.name(&body.name, title, least) {
-            Some(strokes) => out.marks.extend(strokes),
-            None => out.nameless = true,
+        if !order.name_first {
+            name(&mut placer, &mut out);
         }
         out
     }

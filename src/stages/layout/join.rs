@@ -47,8 +47,19 @@ pub struct Tabs {
     pub length: f64,
     /// Which sides carry them.
     pub sides: Sides,
-    /// Diameter of a hole for a rivet through the middle of each tab and through the other side.
-    pub rivet: Option<f64>,
+    /// What holds them.
+    pub hold: Hold,
+}
+
+/// What holds flaps.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Hold {
+    /// They are folded and glued under the other side.
+    Glue,
+    /// A rivet through the middle of each and through the other side, with holes of this diameter.
+    Rivet(f64),
+    /// They are fingers that stand in notches of the other side, of a sheet of this thickness.
+    Finger(f64),
 }
 
 /// Which sides of a seam carry tabs.
@@ -111,10 +122,14 @@ pub(super) fn join(
             joints.narrowed = made.narrowed;
             joints.missing = made.missing;
             for (piece, tabs) in made.tabs {
-                let Some(body) = bodies.get_mut(&piece) else { continue };
                 for tab in tabs {
                     monitor.check()?;
-                    joints.tabs += usize::from(add_tab(body, &tab, options, merge));
+                    joints.tabs += usize::from(add_tab(bodies, piece, &tab, options, merge));
+                }
+            }
+            if matches!(options.hold, Hold::Finger(_)) {
+                for body in bodies.values_mut() {
+                    body.marks = body.marks.drain(..).filter_map(|it| inside(it, &body.contours)).collect();
                 }
             }
             for (piece, holes) in made.holes {
@@ -159,25 +174,53 @@ pub(super) fn room_for_hole(contours: &[Vec<Vec2>], center: Vec2, diameter: f64)
     contains(contours, center) && near.is_some_and(|it| (it.1 - center).norm() >= needed)
 }
 
-/// Joins a tab to its piece, with a fold where it begins. `false` when the outline would not be one any more.
-fn add_tab(body: &mut Body, tab: &Tab, options: &Tabs, merge: f64) -> bool {
-    let rooted: Vec<Vec<Vec2>> =
-        boolean::offset(std::slice::from_ref(&tab.outline), ROOT).into_iter().flatten().collect();
-    match grown(&body.contours, &rooted, merge) {
+/// Joins a tab to its piece, with a fold where it begins, or a finger, with its notch in the other piece. `false` when an
+/// outline would not be one any more.
+fn add_tab(bodies: &mut BTreeMap<PieceId, Body>, piece: PieceId, tab: &Tab, options: &Tabs, merge: f64) -> bool {
+    let rooted = |it: &Vec<Vec2>| -> Vec<Vec<Vec2>> {
+        boolean::offset(std::slice::from_ref(it), ROOT).into_iter().flatten().collect()
+    };
+    let under = tab.under.0;
+    let before = bodies.get(&under).map(|it| it.contours.clone());
+    if let Some(other) = bodies.get_mut(&under).filter(|_| !tab.notch.is_empty()) {
+        let left = boolean::difference(&other.contours, &rooted(&tab.notch));
+        let whole = left.iter().filter(|it| area(it) > CRUMB).count() == 1;
+        match trimmed(left, merge) {
+            Some(contours) if whole && contours.len() == other.contours.len() => other.contours = contours,
+            _ => return false,
+        }
+    }
+    let Some(body) = bodies.get_mut(&piece) else { return false };
+    match trimmed(boolean::union(&body.contours, &rooted(&tab.outline)), merge) {
         // A tab must not close the mouth of a slit or a bay.
         Some(contours) if contours.len() == body.contours.len() => body.contours = contours,
-        _ => return false,
+        _ => {
+            bodies.entry(under).and_modify(|it| it.contours = before.unwrap_or_default());
+            return false;
+        }
+    }
+    if matches!(options.hold, Hold::Finger(_)) {
+        return true;
     }
     if let Some(points) = hinge(&tab.base, &body.contours) {
         // A lap of metal is riveted as flat as the surface; only its edge is marked, not bent.
-        let operation = if options.rivet.is_some() { Operation::Engrave } else { Operation::ScoreMountain };
+        let operation = if options.hold == Hold::Glue { Operation::ScoreMountain } else { Operation::Engrave };
         body.marks.push(Mark { operation, points, closed: false });
     }
     true
 }
 
-/// The longest stretch of a tab's base that lies inside the outline, where the tab hangs on its piece; after trimming that
-/// may be less than the whole.
+/// What of a mark is left when the outline has come nearer: the longest stretch inside it. Closed lines and those to sew along
+/// stay as they are.
+pub(super) fn inside(mark: Mark, contours: &[Vec<Vec2>]) -> Option<Mark> {
+    if mark.closed || mark.operation == Operation::Sew {
+        return Some(mark);
+    }
+    hinge(&mark.points, contours).map(|points| Mark { points, ..mark })
+}
+
+/// The longest stretch of a line that lies inside the outline: of a tab's base it is where the tab hangs on its piece; after
+/// trimming that may be less than the whole.
 fn hinge(base: &[Vec2], contours: &[Vec<Vec2>]) -> Option<Vec<Vec2>> {
     let line = ArcLength::new(base.to_vec())?;
     let outline = SegmentTree::of_contours(contours);
@@ -203,9 +246,8 @@ fn hinge(base: &[Vec2], contours: &[Vec<Vec2>]) -> Option<Vec<Vec2>> {
     Some(line.stretch(from, to))
 }
 
-/// A piece with more material, as an outline that can be cut; `None` where it cannot be one.
-fn grown(contours: &[Vec<Vec2>], more: &[Vec<Vec2>], merge: f64) -> Option<Vec<Vec<Vec2>>> {
-    let regions = boolean::union(contours, more);
+/// The largest of some regions as an outline that can be cut; `None` where it cannot be one.
+fn trimmed(regions: Vec<boolean::Region>, merge: f64) -> Option<Vec<Vec<Vec2>>> {
     let region = regions.into_iter().max_by(|a, b| area(a).total_cmp(&area(b)))?;
     let kept = region.into_iter().filter(|it| signed_area(it).abs() > CRUMB);
     let contours: Vec<Vec<Vec2>> = kept.map(|it| clean(&it, &vec![false; it.len()], merge)).collect();
@@ -232,7 +274,7 @@ fn add_allowance(body: &mut Body, piece: PieceId, seams: &[Measured], width: f64
             more.extend(band.into_iter().flatten());
         }
         let more: Vec<Vec<Vec2>> = boolean::union(&more, &[]).into_iter().flatten().collect();
-        grown(&body.contours, &more, merge)
+        trimmed(boolean::union(&body.contours, &more), merge)
     });
     let found = tried.is_some();
     body.contours = tried.unwrap_or_else(|| std::mem::take(&mut body.contours));

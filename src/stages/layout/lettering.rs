@@ -2,7 +2,7 @@
 use crate::{
     geom::{
         Box2, Vec2,
-        polygon::{contains, least_box_angle, segments_meet, turned},
+        polygon::{contains, least_box_angle, point_segment_distance, turned},
         polyline::ArcLength,
         segment_tree::{Segment, SegmentTree},
         stroke_font::letter,
@@ -16,14 +16,6 @@ use super::seams::Measured;
 const CLEARANCE: (f64, f64) = (0.2, 0.3);
 /// Kept free before and after a text against other text, as a share of its height, so that two numbers do not read as one.
 const SPACING: f64 = 0.6;
-/// How far from its seam a number may stand at the end of a leader, mm.
-const LEADER: f64 = 30.0;
-/// Places on a seam where a leader may begin, as shares of its length.
-const LEADER_STARTS: [f64; 5] = [0.5, 0.35, 0.65, 0.2, 0.8];
-/// Distances and directions tried for a leader.
-const LEADER_STEPS: (usize, usize) = (24, 24);
-/// Leaders begin this far inside the outline, mm.
-const LEADER_INSET: f64 = 0.3;
 /// Each try is this much smaller than the last.
 const SHRINK: f64 = 0.8;
 /// Places tried for a name at each size.
@@ -32,11 +24,11 @@ const NAME_PLACES: usize = 60;
 /// A rectangle in any direction.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TextBox {
-    center: Vec2,
+    pub(super) center: Vec2,
     /// Unit vector along the line of text.
-    axis: Vec2,
+    pub(super) axis: Vec2,
     /// Half extents along and across.
-    half: Vec2,
+    pub(super) half: Vec2,
 }
 
 impl TextBox {
@@ -55,7 +47,11 @@ impl TextBox {
 
     /// Whether a segment has a point in the closed rectangle: it is clipped in the rectangle's frame (Liang and Barsky
     /// 1984).
-    fn hits(&self, a: Vec2, b: Vec2) -> bool {
+    pub(super) fn hits(&self, a: Vec2, b: Vec2) -> bool {
+        // Most lines are far away.
+        if point_segment_distance(self.center, a, b) > self.half.norm() {
+            return false;
+        }
         let frame = |p: Vec2| Vec2::new((p - self.center).dot(&self.axis), (p - self.center).dot(&self.across()));
         let (p, d) = (frame(a), frame(b) - frame(a));
         let (mut from, mut to) = (0.0_f64, 1.0_f64);
@@ -75,6 +71,9 @@ impl TextBox {
 
     /// Whether two rectangles share a point: no side of either parts them.
     fn overlaps(&self, other: &Self) -> bool {
+        if (other.center - self.center).norm() > self.half.norm() + other.half.norm() {
+            return false;
+        }
         let apart = |axis: Vec2| {
             let reach = |it: &Self| it.half.x * it.axis.dot(&axis).abs() + it.half.y * it.across().dot(&axis).abs();
             (other.center - self.center).dot(&axis).abs() > reach(self) + reach(other)
@@ -85,11 +84,12 @@ impl TextBox {
 
 /// Lettering of one part.
 pub(super) struct Placer<'a> {
-    contours: &'a [Vec<Vec2>],
-    outline: SegmentTree,
+    pub(super) contours: &'a [Vec<Vec2>],
+    pub(super) outline: SegmentTree,
     /// Outline, folds and ticks.
     lines: SegmentTree,
-    taken: Vec<TextBox>,
+    /// Lettering and leaders.
+    pub(super) taken: Vec<TextBox>,
 }
 
 impl<'a> Placer<'a> {
@@ -111,7 +111,7 @@ impl<'a> Placer<'a> {
     }
 
     /// Whether the rectangle lies in the part and nothing lies in it or nearer to it than the clearance.
-    fn free(&self, text: &TextBox) -> bool {
+    pub(super) fn free(&self, text: &TextBox) -> bool {
         let room = text.grown(clearance(2.0 * text.half.y));
         let corners = room.corners();
         self.lines.visit(&Box2::of(&corners), &mut |s| !room.hits(s.a, s.b))
@@ -119,7 +119,7 @@ impl<'a> Placer<'a> {
             && !self.taken.iter().any(|it| it.overlaps(&room))
     }
 
-    fn write(&mut self, text: &str, height: f64, place: TextBox) -> Vec<Mark> {
+    pub(super) fn write(&mut self, text: &str, height: f64, place: TextBox) -> Vec<Mark> {
         let spacing = Vec2::new(SPACING * height, 0.0);
         self.taken.push(TextBox { half: place.half + spacing, ..place });
         let lettering = letter(text, height);
@@ -134,21 +134,21 @@ impl<'a> Placer<'a> {
     }
 
     /// Puts the number of a seam beside its middle, the outline below the text; else further along or further in, else
-    /// across, else smaller, else at the end of a leader. `None` when there is no room.
+    /// across, else smaller, else at the end of a leader, which a number that `must` stand somewhere is looked for longer. `None` when there is no room.
     pub(super) fn seam_label(
         &mut self,
         seam: &Measured,
         side: usize,
         text: &str,
-        height: f64,
-        least: f64,
+        [height, least]: [f64; 2],
+        must: bool,
     ) -> Option<Vec<Mark>> {
         let at = |s: f64, reach: f64| seam.at(side, s, reach);
         let beside = self.beside(&at, seam.length(), text, sizes(height, least));
         if beside.is_some() {
             return beside;
         }
-        LEADER_STARTS.iter().find_map(|share| self.leader(seam, side, share * seam.length(), text, least))
+        self.leader(seam, side, text, &[height, least], must)
     }
 
     /// Puts a text beside a bend line, on either side.
@@ -191,41 +191,6 @@ impl<'a> Placer<'a> {
             }
         }
         None
-    }
-
-    /// Puts the number of a seam where there is room, with a straight line to it from a place on the seam.
-    fn leader(&mut self, seam: &Measured, side: usize, s: f64, text: &str, height: f64) -> Option<Vec<Mark>> {
-        let size = letter(text, height).size;
-        let (at, inward) = seam.at(side, s, seam.length() / 4.0)?;
-        let from = at + inward * LEADER_INSET;
-        for ring in 1..=LEADER_STEPS.0 {
-            for k in 0..LEADER_STEPS.1 {
-                // Straight in first, then to both sides in turn.
-                let turn = std::f64::consts::TAU * (k as f64 / 2.0).ceil() / LEADER_STEPS.1 as f64;
-                let direction = turned(inward, if k % 2 == 0 { turn } else { -turn });
-                let center = at + direction * (LEADER * ring as f64 / LEADER_STEPS.0 as f64);
-                let axis = if direction.x < 0.0 { -direction } else { direction };
-                let place = TextBox { center, axis, half: size / 2.0 };
-                let gap = size.x / 2.0 + clearance(height);
-                let to = center - direction * gap;
-                if (to - from).dot(&direction) > 0.0 && self.free(&place) && self.sees(from, to) {
-                    let mut marks = self.write(text, height, place);
-                    // The line is taken too, as a box without height.
-                    let half = Vec2::new((to - from).norm() / 2.0, 0.0);
-                    self.taken.push(TextBox { center: (from + to) / 2.0, axis: (to - from).normalize(), half });
-                    marks.push(Mark { operation: Operation::Registration, points: vec![from, to], closed: false });
-                    return Some(marks);
-                }
-            }
-        }
-        None
-    }
-
-    /// Whether a straight line runs in the part without crossing lettering or another leader; folds and ticks it may cross.
-    fn sees(&self, a: Vec2, b: Vec2) -> bool {
-        contains(self.contours, a)
-            && self.outline.visit(&Box2::of([&a, &b]), &mut |s| !segments_meet(a, b, s.a, s.b))
-            && !self.taken.iter().any(|it| it.hits(a, b))
     }
 
     /// Puts the name where the part has most room, along its longer side where that fits.
@@ -272,7 +237,7 @@ impl<'a> Placer<'a> {
     }
 }
 
-fn clearance(height: f64) -> f64 {
+pub(super) fn clearance(height: f64) -> f64 {
     (CLEARANCE.0 * height).max(CLEARANCE.1)
 }
 

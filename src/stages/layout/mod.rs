@@ -10,7 +10,9 @@ mod bends;
 mod dress;
 mod engrave;
 mod folds;
+mod inspect;
 mod join;
+mod leader;
 mod lettering;
 mod outline;
 mod rulings;
@@ -32,7 +34,7 @@ use bends::Bent;
 use join::Body;
 
 pub use bends::Bending;
-pub use join::{Holes, Join, Sides, Tabs};
+pub use join::{Hold, Holes, Join, Sides, Tabs};
 
 /// Plain options of the kernel; millimetres and radians.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,6 +45,8 @@ pub struct Options {
     pub merge: f64,
     /// Slits narrower than `merge` are opened to this width; each side moves by half of it.
     pub slit: f64,
+    /// Width of what the machine takes away along a cut: narrower slits are opened to it after all, 0 for blades.
+    pub tool: f64,
     /// Edges bent by less are drawn smooth, not as folds.
     pub fold_angle: f64,
     /// Height of seam numbers.
@@ -115,6 +119,14 @@ pub fn layout(cut: &CutMesh, flat: &Flattening, options: &Options, monitor: &Mon
         }
     }
     parts.joints = join::join(&mut bodies, &seams, &options.join, options.merge, monitor)?;
+    for body in bodies.values_mut().filter(|_| options.tool > 0.0) {
+        monitor.check()?;
+        let Some(contours) = outline::widened(&body.contours, options.tool, options.merge) else { continue };
+        let lost = area(&body.contours) - area(&contours);
+        parts.openings.push(Opening { part: body.name.clone(), width: options.tool, area: lost });
+        body.contours = contours;
+        body.marks = body.marks.drain(..).filter_map(|it| join::inside(it, &body.contours)).collect();
+    }
     let bends = options.bending.as_ref().map_or_else(Vec::new, |sheet| bends::lines(cut, &bent, &folds, sheet));
     parts.bends = bends.iter().map(|it| it.bend.clone()).collect();
     dress::dress(

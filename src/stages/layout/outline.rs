@@ -2,6 +2,7 @@
 use crate::geom::{
     Box2, Vec2,
     boolean::{self, Region},
+    cross2,
     outline::{OutlineError, check_outline},
     polygon::{area, contains, nearest_on_segment, point_segment_distance, segment_distance},
     polyline::{merge_near, simplify},
@@ -13,6 +14,10 @@ use crate::geom::{
 const STRAIGHT: f64 = 1e-3;
 /// Crumbs that come off when a slit is opened, and overlaps left by rounding, are dropped below this area, mm².
 pub(super) const CRUMB: f64 = 0.05;
+/// In wedges of the outside that are sharper than this a tool leaves more uncut than it is wide, radians.
+const SHARP: f64 = 0.5;
+/// How much wider than a tool a slit is made, on either side, as a share of its width: the ways along both sides stay apart.
+const SPARE: f64 = 0.02;
 
 /// Contours as [`check_outline`] wants them.
 pub(super) struct Outline {
@@ -96,20 +101,71 @@ fn largest(regions: &[Region]) -> Option<&Region> {
 /// The stretches of edges that lie nearer than `limit` to another edge with outside (or overlap) in between. Neighbours
 /// count when they turn back on each other into the material.
 pub(super) fn near_edges(contours: &[Vec<Vec2>], limit: f64) -> Vec<Vec<Vec2>> {
+    near_pairs(contours, limit).into_iter().map(|(s, _, ends)| ends.map(|u| s.a + (s.b - s.a) * u).to_vec()).collect()
+}
+
+/// Pairs of such edges, each twice, and the stretch of the first as parameters in [0, 1].
+fn near_pairs(contours: &[Vec<Vec2>], limit: f64) -> Vec<(Segment, Segment, [f64; 2])> {
     let tree = SegmentTree::of_contours(contours);
-    let mut near: Vec<((usize, usize), f64, Vec<Vec2>)> = Vec::new();
+    let mut near = Vec::new();
     for &s in tree.segments() {
         let window = Box2::of([&s.a, &s.b]).grown(limit);
         tree.visit(&window, &mut |t| {
             if (s.line, s.index) != (t.line, t.index) && slit_between(contours, &s, t, limit) {
-                let [from, to] = stretch(&s, t, limit);
-                near.push(((s.line, s.index), from, vec![s.a + (s.b - s.a) * from, s.a + (s.b - s.a) * to]));
+                near.push((s, *t, stretch(&s, t, limit)));
             }
             true
         });
     }
-    near.sort_by(|x, y| x.0.cmp(&y.0).then(x.1.total_cmp(&y.1)));
-    near.into_iter().map(|it| it.2).collect()
+    near.sort_by(|x, y| (x.0.line, x.0.index).cmp(&(y.0.line, y.0.index)).then(x.2[0].total_cmp(&y.2[0])));
+    near
+}
+
+/// Contours in which the outside is nowhere narrower than a tool of that width, which takes away as much in any case; `None`
+/// where they are wide enough, or would fall apart.
+pub(super) fn widened(contours: &[Vec<Vec2>], tool: f64, merge: f64) -> Option<Vec<Vec<Vec2>>> {
+    let middles = middles(contours, tool);
+    if middles.is_empty() {
+        return None;
+    }
+    let strips: Vec<Vec<Vec2>> = boolean::thicken(&middles, (0.5 + SPARE) * tool).into_iter().flatten().collect();
+    let mut regions = boolean::difference(contours, &strips);
+    regions.sort_by(|a, b| area(b).total_cmp(&area(a)));
+    let whole = regions.get(1).is_none_or(|it| area(it) <= CRUMB);
+    let kept = regions.into_iter().next()?.into_iter().filter(|it| signed_area(it).abs() > CRUMB);
+    let contours: Vec<Vec<Vec2>> = kept.map(|it| clean(&it, &vec![false; it.len()], merge)).collect();
+    (whole && check_outline(&contours).is_ok() && near_edges(&contours, merge).is_empty()).then_some(contours)
+}
+
+/// Lines in the middle of the outside where it is narrower than `width`: between edges that face each other, and in the
+/// points of wedges.
+fn middles(contours: &[Vec<Vec2>], width: f64) -> Vec<Vec<Vec2>> {
+    let middle = |(s, t, [from, to]): (Segment, Segment, [f64; 2])| {
+        let at = |u: f64| {
+            let p = s.a + (s.b - s.a) * u;
+            (p + nearest_on_segment(p, t.a, t.b)) / 2.0
+        };
+        vec![at(from), at((from + to) / 2.0), at(to)]
+    };
+    // Shores of a slit run in opposite directions; those of a round hole do so only across it.
+    let facing = |(s, t, _): &(Segment, Segment, [f64; 2])| {
+        let [along, back] = [s, t].map(|it| it.b - it.a);
+        along.dot(&back) < -0.5 * along.norm() * back.norm()
+    };
+    let mut lines: Vec<Vec<Vec2>> = near_pairs(contours, width).into_iter().filter(facing).map(middle).collect();
+    for contour in contours {
+        for (k, &tip) in contour.iter().enumerate() {
+            let (before, after) = (contour[(k + contour.len() - 1) % contour.len()], contour[(k + 1) % contour.len()]);
+            let (back, on) = (before - tip, after - tip);
+            let angle = cross2(on, back).atan2(on.dot(&back));
+            // The part lies on the left, so that the outside is what is turned through clockwise.
+            if (-SHARP..0.0).contains(&angle) {
+                let reach = (width / angle.sin().abs()).min(back.norm()).min(on.norm());
+                lines.push(vec![tip, tip + (back.normalize() + on.normalize()) * (reach / 2.0)]);
+            }
+        }
+    }
+    lines
 }
 
 /// The part of `s`, as parameters in [0, 1], that lies within `limit` of `t`, given that some of it does. The distance to a
@@ -204,6 +260,26 @@ mod tests {
             let lost = 3600.0 - area(&found.contours);
             assert!((lost - expected).abs() < 0.05, "gap {gap}: {lost} mm² lost, {expected} expected");
         }
+    }
+
+    #[test]
+    fn a_tool_gets_to_the_end_of_every_slit() {
+        let tool = 0.3;
+        // Slits narrower than the tool, of one edge and of many; a dart whose point alone is; and a wedge with straight sides.
+        for (gap, steps) in [(0.1, 1), (0.1, 9), (0.25, 30), (2.0, 9), (2.0, 1)] {
+            let square: Vec<Vec2> = slit_square(gap, steps).into_iter().map(Vec2::from).collect();
+            let opened = run(&[slit_square(gap, steps)]).unwrap().contours;
+            let wide = widened(&opened, tool, 0.02).unwrap_or_else(|| panic!("gap {gap}, {steps} steps"));
+            assert_eq!(check_outline(&wide), Ok(()));
+            // The middle of the tool runs where it cuts into nothing.
+            let ways: Vec<Vec<Vec2>> = boolean::offset(&wide, tool / 2.0).into_iter().flatten().collect();
+            let deepest = ways.iter().flatten().filter(|p| (p.x - 30.0).abs() < 2.0).map(|p| p.y);
+            let tip = deepest.filter(|y| *y > 20.0).fold(f64::INFINITY, f64::min);
+            assert!(tip < 30.6, "gap {gap}, {steps} steps: the tool ends at {tip}");
+            let lost = area(&[square]) - area(&wide);
+            assert!(lost < 30.0 * tool * 1.1, "gap {gap}, {steps} steps: {lost} mm² lost");
+        }
+        assert!(widened(&[slit_square(20.0, 1).into_iter().map(Vec2::from).collect()], tool, 0.02).is_none());
     }
 
     #[test]

@@ -3,15 +3,13 @@ use std::collections::BTreeSet;
 
 use crate::{
     geom::{
-        Box2, Vec2, cross2,
+        Box2, Vec2, angle_between, cross2,
         polygon::{contains, segment_distance, turned},
         segment_tree::{Segment, SegmentTree},
     },
-    mesh::{Field, VertexId},
+    mesh::{Field, HalfedgeId, VertexId},
     model::{CutMesh, Flattening, Mark, Operation, PieceId},
 };
-
-use super::{Options, join::Join};
 
 /// Ticks begin this far inside the outline, mm, so that they stay in the part where a slit was opened.
 const INSET: f64 = 0.2;
@@ -40,6 +38,8 @@ pub(super) struct Measured {
     pub(super) label: u32,
     pub(super) sides: [Side; 2],
     along: Vec<f64>,
+    /// Angle between the faces on both sides of each edge, radians.
+    turns: Vec<f64>,
 }
 
 impl Measured {
@@ -54,8 +54,18 @@ impl Measured {
         a.ends[0] == b.ends[0] || a.ends[1] == b.ends[1]
     }
 
+    /// Index of the point after the edge at `s`.
+    fn after(&self, s: f64) -> usize {
+        self.along.partition_point(|&it| it < s).clamp(1, self.along.len() - 1)
+    }
+
+    /// By what angle the surface turns across the seam there, radians.
+    pub(super) fn turn(&self, s: f64) -> f64 {
+        self.turns[self.after(s) - 1]
+    }
+
     fn point(&self, side: usize, s: f64) -> Vec2 {
-        let k = self.along.partition_point(|&it| it < s).clamp(1, self.along.len() - 1);
+        let k = self.after(s);
         let t = ((s - self.along[k - 1]) / (self.along[k] - self.along[k - 1])).clamp(0.0, 1.0);
         let points = &self.sides[side].points;
         points[k - 1] + (points[k] - points[k - 1]) * t
@@ -105,7 +115,9 @@ pub(super) fn measure(cut: &CutMesh, flat: &Flattening) -> Vec<Measured> {
                 left,
             };
             let sides = [side(first[0], forward.collect(), 1.0), side(second[0], backward.collect(), -1.0)];
-            Measured { label: seam.label, sides, along }
+            let normal = |h: HalfedgeId| mesh.normal(mesh.face(h));
+            let turns = first.iter().zip(second).map(|(&h, &g)| angle_between(normal(h), normal(g))).collect();
+            Measured { label: seam.label, sides, along, turns }
         })
         .collect()
 }
@@ -126,6 +138,17 @@ pub(super) fn tick_places(length: f64, spacing: f64) -> Vec<f64> {
     (1..steps).map(|k| length * k as f64 / steps as f64).collect()
 }
 
+/// How match marks are made.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Ticks {
+    /// Their length where there is room, mm.
+    pub(super) longest: f64,
+    /// Their distance along a seam, about, mm.
+    pub(super) spacing: f64,
+    /// Whether they are notches outside the seam, where they do not show on the finished thing.
+    pub(super) outward: bool,
+}
+
 /// Match marks of a piece: one tick where a seam begins or ends, along the bisector of the corner, and ticks at equal
 /// steps along every seam, straight into the piece. `marks` are the lines already there (folds): a tick at an end that
 /// would run into one is left out, because the fold marks the place.
@@ -136,20 +159,19 @@ pub(super) fn ticks(
     contours: &[Vec<Vec2>],
     marks: &[Mark],
     seams: &[Measured],
-    options: &Options,
+    style: Ticks,
 ) -> Vec<Mark> {
     let outline = SegmentTree::of_contours(contours);
     let folds = SegmentTree::of_polylines(&marks.iter().map(|it| it.points.clone()).collect::<Vec<_>>());
     let own = || seams.iter().flat_map(|it| [(it, 0), (it, 1)]).filter(|(it, side)| it.sides[*side].piece == piece);
     let corners: BTreeSet<VertexId> = own().flat_map(|(it, side)| it.sides[side].ends).collect();
-    let outward = matches!(options.join, Join::Allowance(_));
-    // Notches of an allowance stand outside the seam, where they do not show on the finished thing.
+    let Ticks { longest, spacing, outward } = style;
     let corners = corners.into_iter().filter(|_| !outward);
     let mut starts: Vec<(Vec2, Vec2, bool)> =
         corners.filter_map(|v| Some((flat.uv[v], bisector(cut, flat, v)?, true))).collect();
     for (seam, side) in own() {
-        let places = tick_places(seam.length(), options.tick_spacing);
-        let reach = options.tick.min(seam.length() / 4.0);
+        let places = tick_places(seam.length(), spacing);
+        let reach = longest.min(seam.length() / 4.0);
         starts.extend(
             places
                 .into_iter()
@@ -163,7 +185,7 @@ pub(super) fn ticks(
         if !contains(contours, from) {
             continue;
         }
-        let mut length = (options.tick - INSET).min(room(&outline, from, inward, options.tick / ROOM) * ROOM);
+        let mut length = (longest - INSET).min(room(&outline, from, inward, longest / ROOM) * ROOM);
         // A tick that would touch another is halved; one that still does is left out.
         let clear = |to: Vec2| {
             let window = Box2::of([&from, &to]).grown(APART);

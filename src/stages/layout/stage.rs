@@ -1,14 +1,17 @@
 //! The `[layout]` table.
 use serde::{Deserialize, Serialize};
-use serde_json::json;
+use serde_json::{Value, json};
 
-use super::{Bending, Holes, Join, LayoutError, Options, Sides, Tabs, engrave, layout, rulings};
+use super::{Bending, Hold, Holes, Join, LayoutError, Options, Sides, Tabs, engrave, inspect, layout, rulings};
 use crate::{
     geom::outline::check_outline,
     model::{CutMesh, Flattening, Joints, Operation, Parts, Stripes, Strips},
     profile::{Angle, Bend, JoinKind, Joining, Length, Perforation, Profiles, TabSides},
     stage::{Check, Cx, Inputs, KeyError, Section, Stage},
 };
+
+/// Faults of one kind that the note of a check names.
+const NAMED: usize = 5;
 
 /// What is drawn of the rulings of a piece.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -74,21 +77,24 @@ impl Default for LayoutStage {
 pub struct Craft {
     join: Joining,
     thickness: Length,
+    /// What the machine takes away along outlines.
+    kerf: Length,
     bend: Option<Bend>,
     perforation: Option<Perforation>,
 }
 
 impl Stage for LayoutStage {
     const NAME: &'static str = "layout";
-    const VERSION: u32 = 7;
+    const VERSION: u32 = 8;
     type Input = (CutMesh, Flattening, Option<Strips>, Option<Stripes>);
     type Output = Parts;
     type Profile = Craft;
     type Error = LayoutError;
 
     fn profile(profiles: &Profiles) -> Craft {
-        let material = &profiles.material;
+        let Profiles { material, machine } = profiles;
         Craft {
+            kerf: machine.tools.get(Operation::CutOutside).map_or(Length::mm(0.0), |it| it.kerf),
             join: material.join.clone(),
             thickness: material.thickness,
             bend: material.bend.clone(),
@@ -120,13 +126,14 @@ impl Stage for LayoutStage {
             label_from: self.label_from.mm,
             merge: self.merge.mm,
             slit: self.slit.mm,
+            tool: craft.kerf.mm,
             fold_angle: self.fold_angle.radians,
             label_height: self.label.mm,
             name_height: self.name.mm,
             least_height: self.least_text.mm,
             tick: self.tick.mm,
             tick_spacing: self.tick_spacing.mm,
-            join: join(&craft.join),
+            join: join(&craft.join, craft.thickness.mm),
             bending: craft.bend.as_ref().map(|bend| Bending {
                 thickness: craft.thickness.mm,
                 radius: bend.radius.mm,
@@ -161,29 +168,21 @@ impl Stage for LayoutStage {
             .iter()
             .map(|it| json!({ "part": it.part, "width_mm": it.width, "area_mm2": it.area }))
             .collect();
+        let [astray, doubled] =
+            [inspect::astray, inspect::doubled].map(|find| parts.parts.iter().flat_map(find).collect::<Vec<String>>());
+        let named = |name, found: &[String], unit| {
+            // A few say where to look.
+            let note = found.iter().take(NAMED).cloned().collect::<Vec<_>>().join("; ");
+            Check::at_most(name, found.len() as f64, 0.0, unit, note)
+        };
         let joints = &parts.joints;
-        let bends: Vec<_> = parts
-            .bends
-            .iter()
-            .map(|it| {
-                json!({
-                    "part": it.part,
-                    "direction": if it.up { "up" } else { "down" },
-                    "angle_deg": it.angle.to_degrees(),
-                    "length_mm": it.length,
-                    "allowance_mm": it.allowance,
-                    "deduction_mm": it.deduction,
-                    "corrected": it.corrected,
-                })
-            })
-            .collect();
         let table = json!({
             "refused": parts.refused.len(),
             "mountain_folds": count(&|it| it == Operation::ScoreMountain),
             "valley_folds": count(&|it| it == Operation::ScoreValley),
             "match_marks": count(&|it| it == Operation::Registration),
             "engraved_lines": count(&|it| it == Operation::Engrave),
-            "bends": bends,
+            "bends": parts.bends.iter().map(bend).collect::<Vec<_>>(),
             "labels_on_partner": parts.on_partner,
             "unlabelled": parts.unlabelled,
             "unnumbered_short_seams": parts.unnumbered,
@@ -202,6 +201,8 @@ impl Stage for LayoutStage {
                 "collisions",
                 joints_note(joints),
             ))
+            .check(named("layout.lettering", &astray, "marks astray"))
+            .check(named("layout.doubled", &doubled, "lines on each other"))
             .check(Check::at_most(
                 "layout.labels",
                 parts.unlabelled.len() as f64,
@@ -216,9 +217,22 @@ impl Stage for LayoutStage {
     }
 }
 
+/// A row of the list of bends.
+fn bend(it: &crate::model::Bend) -> Value {
+    json!({
+        "part": it.part,
+        "direction": if it.up { "up" } else { "down" },
+        "angle_deg": it.angle.to_degrees(),
+        "length_mm": it.length,
+        "allowance_mm": it.allowance,
+        "deduction_mm": it.deduction,
+        "corrected": it.corrected,
+    })
+}
+
 /// The joint that a material asks for.
-fn join(joining: &Joining) -> Join {
-    let tabs = |rivet: Option<f64>| Tabs {
+fn join(joining: &Joining, thickness: f64) -> Join {
+    let tabs = |hold: Hold| Tabs {
         width: joining.width.mm,
         angle: joining.angle.radians,
         length: joining.length.mm,
@@ -227,12 +241,13 @@ fn join(joining: &Joining) -> Join {
             TabSides::Alternating => Sides::Alternating,
             TabSides::Both => Sides::Both,
         },
-        rivet,
+        hold,
     };
     match joining.kind {
         JoinKind::Butt => Join::Butt,
-        JoinKind::Tabs => Join::Tabs(tabs(None)),
-        JoinKind::Rivets => Join::Tabs(tabs(Some(joining.diameter.mm))),
+        JoinKind::Tabs => Join::Tabs(tabs(Hold::Glue)),
+        JoinKind::Rivets => Join::Tabs(tabs(Hold::Rivet(joining.diameter.mm))),
+        JoinKind::Fingers => Join::Tabs(Tabs { angle: std::f64::consts::FRAC_PI_2, ..tabs(Hold::Finger(thickness)) }),
         JoinKind::Allowance => Join::Allowance(joining.width.mm),
         JoinKind::Holes => {
             Join::Holes(Holes { diameter: joining.diameter.mm, inset: joining.inset.mm, pitch: joining.pitch.mm })

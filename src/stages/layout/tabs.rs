@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::{
-    join::{Body, Sides, Tabs, circle, room_for_hole},
+    join::{Body, Hold, Sides, Tabs, circle, room_for_hole},
     seams::Measured,
 };
 use crate::{
@@ -20,6 +20,12 @@ use crate::{
 const CLEAR: f64 = 0.4;
 /// Tabs lower than this are not made: no finger holds them, mm.
 const LOWEST: f64 = 1.5;
+/// The same for fingers, which go into a notch, mm.
+const LOWEST_FINGER: f64 = 0.3;
+/// Rounding that a tab may lose of its height, as a share.
+const LEAST_LOSS: f64 = 1e-6;
+/// Sheets that meet at less than this angle from one plane interlock as in one plane, radians.
+const GENTLE: f64 = std::f64::consts::FRAC_PI_4;
 /// Stretches shorter than this carry no tab, mm: they could not be folded.
 const SHORTEST: f64 = 4.0;
 /// The far side of a tab is at least this share of its base.
@@ -41,12 +47,14 @@ pub(super) struct Tab {
     /// Unit vector away from the piece.
     pub(super) outward: Vec2,
     /// The piece that it goes under, and how it comes to lie there.
-    under: (PieceId, Motion),
+    pub(super) under: (PieceId, Motion),
+    /// Of a finger: what is taken out of that piece, in its frame; else empty.
+    pub(super) notch: Vec<Vec2>,
 }
 
 /// Turns by the angle whose cosine and sine are the parts of `turn`, about `from`, and moves to `to`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Motion {
+pub(super) struct Motion {
     from: Vec2,
     turn: Vec2,
     to: Vec2,
@@ -100,13 +108,14 @@ pub(super) fn make(
     let mut order: Vec<&Measured> = seams.iter().collect();
     order.sort_by(|a, b| b.length().total_cmp(&a.length()).then(a.label.cmp(&b.label)));
     for seam in order {
-        let count = (seam.length() / options.length).ceil().max(1.0) as usize;
+        let fingers = matches!(options.hold, Hold::Finger(_));
+        let count = (seam.length() / options.length).ceil().max(if fingers { 2.0 } else { 1.0 }) as usize;
         let mut any = false;
         for k in 0..count {
             monitor.check()?;
             let stretch = [k, k + 1].map(|it| seam.length() * it as f64 / count as f64);
-            let first = if options.sides == Sides::Alternating { k % 2 } else { 0 };
-            for side in [first, 1 - first] {
+            let first = if fingers || options.sides == Sides::Alternating { k % 2 } else { 0 };
+            for side in [first, 1 - first].into_iter().take(if fingers { 1 } else { 2 }) {
                 let Some((tab, narrowed)) = made.tab(bodies, &solid, seam, side, stretch, options) else { continue };
                 made.narrowed += usize::from(narrowed);
                 made.take(bodies, seam.sides[side].piece, tab, options);
@@ -139,6 +148,20 @@ fn clip(contours: &[Vec<Vec2>], window: &[Vec2]) -> Vec<Vec<Vec2>> {
     flat(boolean::intersection(contours, &[window.to_vec()]))
 }
 
+/// How far a finger stands out and how deep its notch is, mm, where two sheets of a thickness are turned by an angle against
+/// each other and meet in their middle layers.
+///
+/// Both layers are cut square to the sheet. On the outside, sheets meet half the thickness times tan(turn / 2) beyond the line
+/// where their middles meet: there fingers end. On the inside, the other sheet needs room as far as half the thickness times
+/// cot(turn / 2). At a right angle both are half the thickness. Sheets nearly in one plane interlock by half of `width`.
+fn interlocking(turn: f64, thickness: f64, width: f64) -> [f64; 2] {
+    if turn < GENTLE {
+        return [width / 2.0; 2];
+    }
+    let half = (turn / 2.0).tan();
+    [(thickness / 2.0 * half).min(thickness), thickness / 2.0 / half]
+}
+
 impl Made {
     /// A tab on a stretch of a side, trimmed, and whether it is lower than asked; `None` where nothing useful is left.
     fn tab(
@@ -151,15 +174,25 @@ impl Made {
         options: &Tabs,
     ) -> Option<(Tab, bool)> {
         let (own, other) = (&seam.sides[side], &seam.sides[1 - side]);
-        let base = seam.stretch(side, stretch);
-        let facing = seam.stretch(1 - side, stretch);
+        let turn = seam.turn((stretch[0] + stretch[1]) / 2.0);
+        // Two fingers that reach into one corner of a third sheet would meet there.
+        let corner = match options.hold {
+            Hold::Finger(thickness) if turn >= GENTLE => thickness / 2.0,
+            _ => 0.0,
+        };
+        let own_stretch = [stretch[0].max(corner), stretch[1].min(seam.length() - corner)];
+        let base = seam.stretch(side, own_stretch);
+        let facing = seam.stretch(1 - side, own_stretch);
         let (a, b) = (base[0], base[base.len() - 1]);
         let (c, d) = (facing[0], facing[facing.len() - 1]);
         let along = (b - a).try_normalize(1e-9)?;
         let outward = Vec2::new(along.y, -along.x) * own.left;
         let highest = (1.0 - TOP) / 2.0 * (b - a).norm() * options.angle.tan();
-        let width = options.width.min(highest);
-        if width < LOWEST || (b - a).norm() < SHORTEST {
+        let ([width, depth], lowest) = match options.hold {
+            Hold::Finger(thickness) => (interlocking(turn, thickness, options.width), LOWEST_FINGER),
+            Hold::Glue | Hold::Rivet(_) => ([options.width.min(highest), 0.0], LOWEST),
+        };
+        if width < lowest || (b - a).norm() < SHORTEST {
             return None;
         }
         let flank = along * (width / options.angle.tan());
@@ -170,7 +203,15 @@ impl Made {
         }
         let whole = ((b - a).norm() - flank.norm()) * width;
         let under = (other.piece, Motion::between([a, b], [c, d])?);
-        let tab = Tab { outline, base, outward, under };
+        // A notch begins a little outside of the other piece.
+        let inward = under.1.go(a + outward) - under.1.go(a);
+        let shore = if depth > 0.0 { seam.stretch(1 - side, stretch) } else { vec![] };
+        let mut notch: Vec<Vec2> = shore.iter().map(|&p| p - inward * CLEAR).collect();
+        notch.extend(shore.last().into_iter().chain(shore.first()).map(|&p| p + inward * depth));
+        if signed_area(&notch) < 0.0 {
+            notch.reverse();
+        }
+        let tab = Tab { outline, base, outward, under, notch };
         // Both sides of a seam may bow differently in the plane, which is no harm.
         let bow = |points: &[Vec2], a: Vec2, b: Vec2| {
             points.iter().map(|&p| point_segment_distance(p, a, b)).fold(0.0, f64::max)
@@ -184,8 +225,9 @@ impl Made {
         let hanging = outlines.filter(|it| near(it) < slack);
         let outline = hanging.max_by(|x, y| signed_area(x).total_cmp(&signed_area(y)))?;
         let height = outline.iter().map(|p| (p - a).dot(&outward)).fold(0.0, f64::max);
-        let useful = signed_area(&outline) >= LEFT * whole && height >= LOWEST;
-        useful.then_some((Tab { outline, ..tab }, width < options.width))
+        let useful = signed_area(&outline) >= LEFT * whole && height >= lowest * (1.0 - LEAST_LOSS);
+        let narrowed = depth == 0.0 && width < options.width;
+        useful.then_some((Tab { outline, ..tab }, narrowed))
     }
 
     /// What of a tab is left when it is to cross neither its own piece nor other tabs, on either side.
@@ -228,7 +270,7 @@ impl Made {
     /// Keeps a tab, with the holes for its rivet where both pieces have room for them.
     fn take(&mut self, bodies: &BTreeMap<PieceId, Body>, piece: PieceId, tab: Tab, options: &Tabs) {
         let (under, motion) = tab.under;
-        if let (Some(diameter), Some(body)) = (options.rivet, bodies.get(&under)) {
+        if let (Hold::Rivet(diameter), Some(body)) = (options.hold, bodies.get(&under)) {
             let height = tab.outline.iter().map(|p| (p - tab.base[0]).dot(&tab.outward)).fold(0.0, f64::max);
             let middle = (tab.base[0] + tab.base[tab.base.len() - 1]) / 2.0 + tab.outward * (height / 2.0);
             let there = motion.go(middle);

@@ -6,7 +6,7 @@ use crate::{
     geom::{
         Box2, Vec3,
         outline::check_outline,
-        polygon::{contains, point_segment_distance, segments_meet, turned},
+        polygon::{bounds_turned, contains, least_box_angle, point_segment_distance, segments_meet, turned},
         polyline_length, signed_area,
         stroke_font::letter,
     },
@@ -18,6 +18,7 @@ const OPTIONS: Options = Options {
     label_from: 0.0,
     merge: 0.02,
     slit: 0.1,
+    tool: 0.0,
     fold_angle: 0.3,
     label_height: 3.5,
     name_height: 7.0,
@@ -337,7 +338,7 @@ fn joined(input: &(CutMesh, Flattening), join: Join) -> Parts {
 }
 
 fn tabs(sides: Sides) -> Tabs {
-    Tabs { width: 6.0, angle: 1.0, length: 15.0, sides, rivet: None }
+    Tabs { width: 6.0, angle: 1.0, length: 15.0, sides, hold: Hold::Glue }
 }
 
 fn holes(parts: &Parts) -> usize {
@@ -380,7 +381,7 @@ fn tabs_of_crooked_seams_cross_nothing() {
 
 #[test]
 fn tabs_wider_than_their_edge_are_made_lower_and_counted() {
-    let wide = Tabs { width: 30.0, length: 12.0, rivet: Some(1.5), ..tabs(Sides::One) };
+    let wide = Tabs { width: 30.0, length: 12.0, hold: Hold::Rivet(1.5), ..tabs(Sides::One) };
     let parts = joined(&halves(), Join::Tabs(wide));
     assert_eq!((parts.joints.tabs, parts.joints.narrowed, parts.joints.holes), (10, 10, 20));
     assert_eq!(parts.parts.iter().map(|it| it.contours.len() - 1).collect::<Vec<_>>(), [10, 10]);
@@ -399,6 +400,47 @@ fn an_allowance_surrounds_the_seams_and_holes_match_across_them() {
     }
     let laced = joined(&input, Join::Holes(Holes { diameter: 1.2, inset: 4.0, pitch: 6.0 }));
     assert_eq!((laced.joints.holes, holes(&laced)), (40, 40));
+}
+
+#[test]
+fn fingers_interlock() {
+    let fingers = Tabs { hold: Hold::Finger(3.0), angle: std::f64::consts::FRAC_PI_2, ..tabs(Sides::One) };
+    let parts = joined(&halves(), Join::Tabs(fingers));
+    assert_eq!((parts.joints.tabs, parts.joints.collisions.len()), (8, 0));
+    // Half of them stand out of either side, and each takes as much from the other side as it adds to its own.
+    for part in &parts.parts {
+        let outline = &part.contours[0];
+        let size = bounds_turned(outline, least_box_angle(outline)).size();
+        assert!((size.max() - 120.0).abs() < 0.2 && (size.min() - 103.0).abs() < 0.1, "{size}");
+        assert!((area(&part.contours) - 12_000.0).abs() < 40.0, "{}", area(&part.contours));
+        assert!(part.marks.iter().all(|it| !it.operation.is_score()));
+    }
+    // At a right angle they reach through half of the thickness.
+    let (mesh, plane) = bent_sheet(50, 30, 4.0, &[(25, std::f64::consts::FRAC_PI_2)]);
+    let middle = |f: FaceId| mesh.face_vertices(f).map(|v| plane[v.index()].x).iter().sum::<f64>() / 3.0;
+    let fingers = Tabs { hold: Hold::Finger(4.0), angle: std::f64::consts::FRAC_PI_2, ..tabs(Sides::One) };
+    let corner = joined(&cut_apart(&mesh, &plane, |f| u32::from(middle(f) > 100.0), |_| false), Join::Tabs(fingers));
+    for part in &corner.parts {
+        let size = bounds_turned(&part.contours[0], least_box_angle(&part.contours[0])).size();
+        assert!((size.min() - 102.0).abs() < 0.1, "{size}");
+    }
+}
+
+#[test]
+fn a_number_goes_where_there_is_room_and_a_line_leads_to_its_seam() {
+    // A strip 0.8 mm wide with a block at its end; the seam along its lower half has no room beside it.
+    let (mesh, plane) = bent_sheet(60, 80, 0.4, &[]);
+    let middle = |f: FaceId| mesh.face_vertices(f).map(|v| plane[v.index()]).iter().sum::<Vec2>() / 3.0;
+    let label = |f: FaceId| match middle(f) {
+        p if p.x < 0.8 || p.y > 20.0 => 0,
+        p => 1 + u32::from(p.y > 10.0),
+    };
+    let parts = made(&cut_apart(&mesh, &plane, label, |_| false));
+    assert_eq!((parts.unlabelled.len(), parts.on_partner.len()), (0, 0), "{:?}", parts.on_partner);
+    let lines = parts.parts[0].marks.iter().filter(|it| it.operation == Operation::Registration);
+    let longest = lines.map(|it| polyline_length(&it.points, false)).fold(0.0, f64::max);
+    assert!(longest > 10.0, "{longest}");
+    assert!(parts.parts.iter().all(|it| inspect::astray(it).is_empty() && inspect::doubled(it).is_empty()));
 }
 
 #[test]

@@ -348,7 +348,7 @@ fn shopping(parts: &Parts, stock: &Stock, sheets: &Sheets) -> Value {
         JoinKind::Rivets => put("rivets", json!(parts.joints.holes / 2)),
         JoinKind::Holes => put("stitches", json!(parts.joints.holes / 2)),
         JoinKind::Tabs => put("tabs_to_glue", json!(parts.joints.tabs)),
-        JoinKind::Butt => {}
+        JoinKind::Butt | JoinKind::Fingers => {}
     }
     list.into()
 }

@@ -228,3 +228,31 @@ fn measuring_finds_overlaps_gaps_and_margins() {
     assert_eq!(measure(&sheet(vec![place("A", 2.0, 3.0), small])).overlaps.len(), 1);
     assert_eq!(measure(&sheet(vec![place("A", 95.0, 3.0)])).margin.unwrap().0, -5.0);
 }
+
+#[test]
+fn a_last_sheet_that_becomes_empty_is_given_up_and_the_search_ends() {
+    let rectangle = |name: &str, width: f64, height: f64| {
+        let corners = [[0., 0.], [width, 0.], [width, height], [0., height]].map(|[x, y]| Vec2::new(x, y)).to_vec();
+        Part { name: name.into(), contours: vec![corners], marks: vec![] }
+    };
+    let parts =
+        Parts { parts: vec![rectangle("large", 99.0, 93.0), rectangle("small", 20.0, 6.5)], ..Parts::default() };
+    // On a coarse grid the small part needs a second sheet; the search finds room for it in the 7 mm above the large one, which
+    // cover so much of the sheet that doing without the second one is not tried as such.
+    let coarse = Options {
+        stock: vec![Vec2::new(100.0, 100.0)],
+        margin: 0.0,
+        gap: 0.1,
+        rotations: Rotations::Only(vec![0.0]),
+        cell: 5.0,
+        ..options()
+    };
+    assert_eq!(run(&parts, &Options { effort: 0, ..coarse.clone() }).sheets.len(), 2);
+    // A search without end would be stopped here, and be an error.
+    let looks = std::sync::atomic::AtomicUsize::new(0);
+    let patience = || looks.fetch_add(1, std::sync::atomic::Ordering::Relaxed) > 1_000_000;
+    let monitor = Monitor::new(&patience, &|_, _| (), &|| 0.0);
+    let sheets = nest(&parts, &coarse, &monitor).unwrap();
+    assert_eq!(sheets.sheets.len(), 1);
+    check_by_brute_force(&parts, &sheets);
+}

@@ -49,6 +49,8 @@ pub struct Options {
     pub sheet: Option<[f64; 2]>,
     /// Whether flat regions that do not fit are divided along straight lines.
     pub split: bool,
+    /// Whether every flat region is a piece of its own, for stock that cannot be folded.
+    pub separate: bool,
     /// For the moves.
     pub seed: u64,
 }
@@ -86,7 +88,10 @@ pub fn unfold(mesh: &TriMesh, options: &Options, monitor: &Monitor) -> Result<(C
     };
     let mesh = &mesh;
     let tiles = Tiles::new(mesh, &group);
-    let mut forest = search::search(mesh, &tiles, options, monitor)?;
+    let mut forest = match options.separate {
+        true => Forest::new(&tiles, options),
+        false => search::search(mesh, &tiles, options, monitor)?,
+    };
     let tile_of = tile_of(mesh, &tiles);
     loop {
         monitor.check()?;

@@ -34,6 +34,8 @@ pub struct UnfoldStage {
     pub fit_sheet: bool,
     /// Whether flat faces too large for a sheet are divided along straight lines.
     pub split: bool,
+    /// Whether every flat face is a piece of its own, for board that cannot be folded.
+    pub separate: bool,
 }
 
 impl Default for UnfoldStage {
@@ -46,6 +48,7 @@ impl Default for UnfoldStage {
             effort: 30,
             fit_sheet: true,
             split: false,
+            separate: false,
         }
     }
 }
@@ -61,7 +64,7 @@ pub struct Stock {
 
 impl Stage for UnfoldStage {
     const NAME: &'static str = "unfold";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const DRAWS: bool = true;
     type Input = TriMesh;
     type Output = (CutMesh, Flattening);
@@ -90,6 +93,7 @@ impl Stage for UnfoldStage {
             moves: 1000 * self.effort,
             sheet: self.fit_sheet.then_some(stock.room),
             split: self.split,
+            separate: self.separate,
             seed: cx.seed,
         };
         unfold(&offset(mesh, stock.offset).mesh, &options, &cx.monitor)
@@ -129,7 +133,7 @@ impl Stage for UnfoldStage {
         let note = if area > 0.0 { format!("{area:.3} mm² in all, within one flat face") } else { String::new() };
         let section = Section::new("unfold", table)
             .table("seams", seams)
-            .neutral_layer(stock.offset, moved.error, moved.shortened.len())
+            .neutral_layer(stock.offset, [moved.usual, moved.error], moved.shortened.len())
             .check(Check::at_most("unfold.overlaps", flat.overlaps.len() as f64, 0.0, "pairs of faces", note))
             .check(isometry)
             .check(self.fits(cut, &hulls, stock));

@@ -8,7 +8,16 @@ use crate::{
 };
 
 fn options() -> Options {
-    Options { max_faces: 5000, clearance: 0.2, least_opening: 1e-3, moves: 500, sheet: None, split: true, seed: 0 }
+    Options {
+        max_faces: 5000,
+        clearance: 0.2,
+        least_opening: 1e-3,
+        moves: 500,
+        sheet: None,
+        split: true,
+        separate: false,
+        seed: 0,
+    }
 }
 
 fn run(mesh: &TriMesh, options: &Options) -> (CutMesh, Flattening) {
@@ -167,6 +176,12 @@ fn a_face_larger_than_the_sheet_is_cut_once_more() {
             assert!((a - b).abs() < 1e-9 * (a + b));
         }
     }
+}
+
+#[test]
+fn board_that_cannot_be_folded_is_cut_face_by_face() {
+    let (cut, _) = run(&shapes::cuboid(Vec3::new(60.0, 50.0, 40.0), 3), &Options { separate: true, ..options() });
+    assert_eq!((cut.pieces.len(), cut.seams.len()), (6, 12));
 }
 
 #[test]
