@@ -14,7 +14,8 @@ use faer::{
     },
 };
 
-use super::multifrontal::{Fronts, Scalar};
+use super::multifrontal::Fronts;
+pub use super::multifrontal::Scalar;
 
 /// Why a matrix could not be factored. Rows and columns are those of the matrix as it was given.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
