@@ -277,7 +277,7 @@ impl Hierarchy {
             if left == 0 {
                 return Ok(true);
             }
-            if left % 1024 == 0 {
+            if left.is_multiple_of(1024) {
                 monitor.check()?;
             }
             let (sum, _) = self.gain(v);

@@ -14,7 +14,7 @@ fn with(mesh: &TriMesh, change: impl FnMut(Vec3) -> Vec3) -> Result<TriMesh, Mes
 fn adversary(kind: usize, seed: u64) -> TriMesh {
     let mut random = Random::new(seed);
     let mut signed = move || 2.0 * random.unit() - 1.0;
-    let ball = shapes::icosphere(1.0, if seed % 8 == 0 { 2 } else { 1 });
+    let ball = shapes::icosphere(1.0, if seed.is_multiple_of(8) { 2 } else { 1 });
     let made = match kind {
         0 => with(&ball, |p| if signed() > 0.9 { p * (10.0 + 40.0 * signed().abs()) } else { p }),
         1 => with(&ball, |p| p * (1.0 + 0.95 * signed())),
@@ -68,7 +68,7 @@ fn an_undone_collapse_leaves_no_trace() {
     assert!(edit.vertex_count() < 20 && done.len() > 100);
     for (h, u) in done.into_iter().rev() {
         edit.undo_collapse(h, u, mesh.position(u));
-        if edit.vertex_count() % 16 == 0 {
+        if edit.vertex_count().is_multiple_of(16) {
             edit.validate();
         }
     }
