@@ -285,7 +285,7 @@ fn pieces_under_the_useful_size_grow() {
 
 /// Squares of 2 mm: two plates of 20 by 20 mm and between them a bridge of 10 by 2 mm.
 fn dumbbell() -> TriMesh {
-    let square = |x: u32, y: u32| x < 10 || x >= 15 || y == 4;
+    let square = |x: u32, y: u32| !(10..15).contains(&x) || y == 4;
     let at = |x: u32, y: u32| x * 11 + y;
     let squares = (0..25).flat_map(|x| (0..10).map(move |y| (x, y))).filter(|&(x, y)| square(x, y));
     let corners = squares.flat_map(|(x, y)| {
