@@ -335,6 +335,12 @@ impl Parameterization<'_> {
         self.flows().iter().map(|it| it[0] * it[1]).sum()
     }
 
+    /// The share of the edges of positive weight in the energy. Where weights of obtuse angles are negative, other integers
+    /// can lower the energy without end; this they raise.
+    pub fn misfit(&self) -> f64 {
+        self.flows().iter().map(|it| (it[0] * it[1]).max(0.0)).sum()
+    }
+
     /// Largest |d0ᵀ W (u − ω)|: 0 at the optimum.
     pub fn residual(&self) -> f64 {
         let mut sums = vec![0.0; self.alpha.len()];

@@ -263,18 +263,32 @@ impl Crossings {
     /// which it is the convex hull.
     fn middle(&self, mesh: &TriMesh, f: FaceId, free: &[Passage], pairs: &[[Passage; 2]]) -> Vec3 {
         let items = self.around(mesh, f);
-        let at = |x: Passage| items.iter().position(|it| *it == Around::Crossing(x)).unwrap_or(0);
+        let mut places: Vec<(Passage, usize)> = items
+            .iter()
+            .enumerate()
+            .filter_map(|(i, it)| if let Around::Crossing(x) = it { Some((*x, i)) } else { None })
+            .collect();
+        places.sort_unstable();
+        let at = |x: Passage| places.binary_search_by_key(&x, |it| it.0).map_or(0, |k| places[k].1);
         let here = free.first().map_or(0, |&x| at(x));
-        let hidden = |i: usize| {
-            pairs.iter().any(|pair| {
-                let [a, b] = pair.map(at);
-                let (a, b) = (a.min(b), a.max(b));
-                let between = |i: usize| a < i && i < b;
-                i != a && i != b && between(i) != between(here)
-            })
-        };
+        // How many pairs part each item from the free ones, as differences.
+        let mut parted = vec![0_i32; items.len() + 1];
+        for pair in pairs {
+            let [a, b] = pair.map(at);
+            let (a, b) = (a.min(b), a.max(b));
+            let ranges = if a < here && here < b { [0..a, b + 1..items.len()] } else { [a + 1..b, 0..0] };
+            for range in ranges.into_iter().filter(|it| !it.is_empty()) {
+                parted[range.start] += 1;
+                parted[range.end] -= 1;
+            }
+        }
+        let mut sum = 0;
+        parted.iter_mut().for_each(|it| {
+            sum += *it;
+            *it = sum;
+        });
         let seen: Vec<Vec3> = (0..items.len())
-            .filter(|&i| !hidden(i))
+            .filter(|&i| parted[i] == 0)
             .map(|i| match items[i] {
                 Around::Corner(v) => mesh.position(v),
                 Around::Crossing(x) => self.place(mesh, x / 2),

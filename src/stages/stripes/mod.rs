@@ -90,7 +90,7 @@ pub struct Options {
     pub generators: Vec<(usize, i32)>,
     /// How many pairs may be added where they make the spacing more even.
     pub budget: usize,
-    /// Share of the energy that a pair of the budget must save.
+    /// Share of the misfit that a pair of the budget must save.
     pub least_gain: f64,
     /// Whether pairs are added at tips and saddles until no line parts the surface: one strip.
     pub join: bool,

@@ -1,8 +1,8 @@
-//! Singularities that nobody listed: the pairs that lower the energy most, and those that turn rings into
+//! Singularities that nobody listed: the pairs that lower the misfit most, and those that turn rings into
 //! spirals.
 use super::isolines::{Crossings, Levels};
 use crate::{
-    mesh::{FaceId, Id, TriMesh, VertexId},
+    mesh::{EdgeId, FaceId, Field, Id, TriMesh, VertexId},
     numeric::{Cancelled, Monitor},
     surface::{
         field_aligned::{AlignError, Parameterization},
@@ -14,6 +14,8 @@ use crate::{
 const PLACES: usize = 24;
 /// Pairs that are added at most to join lines.
 const JOINS: usize = 16;
+/// A pair is not tried further where lines then cross edges so many times as often as the field asks for.
+const DENSEST: f64 = 10.0;
 
 /// Why a search ended early.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -26,7 +28,7 @@ pub enum SearchError {
     Align(#[from] AlignError),
 }
 
-/// Adds up to `budget` pairs, each the best one to first order, until one lowers the energy by less than the share
+/// Adds up to `budget` pairs, each the best one to first order, until one lowers the misfit by less than the share
 /// `least_gain` of what it was at the start. The pairs added, beginning and end.
 pub fn spend(
     it: &mut Parameterization,
@@ -34,21 +36,21 @@ pub fn spend(
     least_gain: f64,
     monitor: &Monitor,
 ) -> Result<Vec<[FaceId; 2]>, SearchError> {
-    let start = it.energy();
-    let mut energy = start;
+    let start = it.misfit();
+    let mut misfit = start;
     let mut out = Vec::new();
     while out.len() < budget {
         monitor.check()?;
         let potential = it.potential();
         let Some([low, high]) = extremes(it, &potential) else { break };
         it.add_pair(Node::Face(low), Node::Face(high))?;
-        let now = it.energy();
-        // Also where a pair would cost energy: the slope says nothing of the curvature.
-        if !(energy - now > least_gain * start) {
+        let now = it.misfit();
+        // Also where a pair would fit worse: the slope says nothing of the curvature.
+        if !(misfit - now > least_gain * start) {
             it.add_pair(Node::Face(high), Node::Face(low))?;
             break;
         }
-        energy = now;
+        misfit = now;
         out.push([low, high]);
         monitor.progress(out.len() as f64 / budget as f64, "singularities");
     }
@@ -77,7 +79,7 @@ fn extremes(it: &Parameterization, potential: &[f64]) -> Option<[FaceId; 2]> {
 }
 
 /// Adds pairs at tips and saddles of α, each the one that leaves the fewest lines without an end inside the surface (then the
-/// fewest lines, then the least energy), as long as that makes them fewer: rings become spirals from tip to tip, and the
+/// fewest lines, then the least misfit), as long as that makes them fewer: rings become spirals from tip to tip, and the
 /// strip between them hangs together. The pairs added.
 pub fn join(
     mesh: &TriMesh,
@@ -88,6 +90,8 @@ pub fn join(
     let count = |it: &Parameterization| Crossings::new(mesh, &it.alpha, &it.n, levels).count_lines(mesh);
     let mut out = Vec::new();
     let mut now = count(it);
+    let total = |of: &Field<EdgeId, f64>| of.iter().map(|x| x.abs()).sum::<f64>();
+    let most = DENSEST * total(it.omega());
     let places = critical(mesh, it);
     while now[0] > 0 && out.len() < JOINS {
         let mut best: Option<([usize; 2], f64, [FaceId; 2])> = None;
@@ -99,10 +103,12 @@ pub fn join(
                     if it.add_pair(begin, end).is_err() {
                         continue;
                     }
-                    let (lines, energy) = (count(it), it.energy());
+                    let misfit = it.misfit();
+                    let lines = (total(&it.differences(mesh)) <= most).then(|| count(it));
                     it.add_pair(end, begin)?;
-                    if best.is_none_or(|(fewest, least, _)| lines < fewest || (lines == fewest && energy < least)) {
-                        best = Some((lines, energy, pair));
+                    let Some(lines) = lines else { continue };
+                    if best.is_none_or(|(fewest, least, _)| lines < fewest || (lines == fewest && misfit < least)) {
+                        best = Some((lines, misfit, pair));
                     }
                 }
             }

@@ -41,7 +41,7 @@ pub struct StripesStage {
     pub generators: Vec<GeneratorTable>,
     /// At most so many pairs of a beginning and an end are added where they make the spacing more even.
     pub budget: usize,
-    /// Share of the energy that each pair of the budget must save.
+    /// Share of the misfit that each pair of the budget must save.
     pub least_gain: f64,
     /// Whether pairs are added at tips of the surface until rings have become spirals and one strip is left, to be zipped up;
     /// a body with limbs needs about a pair for each.
@@ -179,7 +179,7 @@ impl StripesStage {
 
 impl Stage for StripesStage {
     const NAME: &'static str = "stripes";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type Input = (TriMesh, crate::model::SourceMesh, Option<DevelopableMesh>, Option<Guides>);
     type Output = (DevelopableMesh, Guides, Stripes);
     type Profile = ();

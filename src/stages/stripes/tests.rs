@@ -291,3 +291,15 @@ fn a_line_field_that_has_a_sign_gives_the_spacing_of_a_vector_field() {
     let said = stripes(&ball, &one, &Monitor::silent()).unwrap_err().to_string();
     assert!(said.contains("one strip needs a vector field"), "{said}");
 }
+
+#[test]
+fn obtuse_triangles_do_not_let_a_budget_run_away() {
+    let sphere = shapes::icosphere(10.0, 3);
+    let place = |p: &Vec3| Vec3::new(20.0 * p.x, p.y, p.z);
+    let needle = sphere.with_positions(Field::from_vec(sphere.positions().iter().map(place).collect()));
+    let spacing = 0.9 * needle.mean_edge_length();
+    for join in [false, true] {
+        let (_, crossings) = run(&needle, &Options { budget: 20, join, ..options(Along::Smoothest, spacing) });
+        assert!(crossings.len() < 5 * needle.edge_count(), "{}", crossings.len());
+    }
+}
