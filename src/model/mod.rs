@@ -8,6 +8,7 @@ mod stripes;
 mod strips;
 
 pub use mill::{MillMove, Milling, Setup};
+pub(crate) use nouns::with_nouns;
 pub use nouns::{Artifact, Kind, Noun};
 pub use planar::{
     Bend, Joints, Line, Mark, Opening, Operation, Part, Parts, Placement, Sheet, SheetPaths, Sheets, Toolpath,

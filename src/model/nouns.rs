@@ -46,17 +46,14 @@ pub trait Noun: Sized + Send + Sync + 'static {
     fn peek(artifact: &Artifact) -> Option<&Self>;
 }
 
-nouns!(
-    SourceMesh,
-    Guides,
-    TriMesh,
-    DevelopableMesh,
-    CutMesh,
-    Flattening,
-    Strips,
-    Parts,
-    Sheets,
-    Toolpaths,
-    Milling,
-    Stripes
-);
+/// Hands the list of all nouns to a macro.
+macro_rules! with_nouns {
+    ($run:ident) => {
+        $run! {
+            SourceMesh, Guides, TriMesh, DevelopableMesh, CutMesh, Flattening, Strips, Parts, Sheets, Toolpaths, Milling, Stripes
+        }
+    };
+}
+pub(crate) use with_nouns;
+
+with_nouns!(nouns);

@@ -11,7 +11,7 @@ use crate::{
         Artifact, Bend, Corner, CutMesh, DevelopableMesh, Flattening, Guides, Joints, Kind, Mark, MillMove, Milling,
         Noun, Opening, Operation, Overlap, Panel, PanelKind, Part, Parts, Patch, Piece, PieceId, Placement, Round,
         Ruled, Ruling, Seam, Setup, Sheet, SheetPaths, Sheets, SourceMesh, StripeEnd, StripeLine, Stripes, Strips,
-        Toolpath, Toolpaths, Tradeoff,
+        Toolpath, Toolpaths, Tradeoff, with_nouns,
     },
 };
 
@@ -313,17 +313,4 @@ macro_rules! artifacts {
     };
 }
 
-artifacts!(
-    SourceMesh,
-    Guides,
-    TriMesh,
-    DevelopableMesh,
-    CutMesh,
-    Flattening,
-    Strips,
-    Parts,
-    Sheets,
-    Toolpaths,
-    Milling,
-    Stripes
-);
+with_nouns!(artifacts);

@@ -100,16 +100,29 @@ impl Levenberg {
     }
 }
 
-/// Solves A x = b with the factor in single precision and one step of iterative refinement; `None` if that changed x
-/// much, so that the factor is too rough for this matrix.
+/// Solves A x = b to the digits of double precision with a factor in single precision, by iterative refinement: fewer digits
+/// would do for the step, but their errors grow from step to step, and a symmetric input would lose its symmetry. `None` if
+/// the factor is too rough for this matrix.
 fn refined(factor: &Cholesky<f32>, matrix: &SymmetricMatrix, b: &[f64]) -> Option<Vec<f64>> {
+    /// Change of x by one round, relative, at which it stands, and above which the rounds do not converge.
+    const SETTLED: f64 = 1e-12;
     const MUCH: f64 = 0.1;
+    const ROUNDS: usize = 6;
     let mut x = factor.solve(b);
-    let mut change: Vec<f64> = matrix.multiply(&x).iter().zip(b).map(|(ax, b)| b - ax).collect();
-    factor.solve_in_place(&mut change);
-    let settled = dot(&change, &change) <= MUCH * MUCH * dot(&x, &x);
-    x.iter_mut().zip(change).for_each(|(x, d)| *x += d);
-    settled.then_some(x)
+    for _ in 0..ROUNDS {
+        let mut change: Vec<f64> = matrix.multiply(&x).iter().zip(b).map(|(ax, b)| b - ax).collect();
+        factor.solve_in_place(&mut change);
+        let share = (dot(&change, &change) / dot(&x, &x)).sqrt();
+        // Also for a share that is no number.
+        if !(share <= MUCH) {
+            return None;
+        }
+        x.iter_mut().zip(change).for_each(|(x, d)| *x += d);
+        if share <= SETTLED {
+            break;
+        }
+    }
+    Some(x)
 }
 
 #[cfg(test)]
