@@ -112,6 +112,16 @@ impl Strips {
         panel.outline.iter().map(|&c| self.flat(c)).collect()
     }
 
+    /// Per panel the number of its strip, counted through the job, so that neighbours differ.
+    pub fn numbers(&self) -> Vec<usize> {
+        let mut out = vec![0; self.panels.len()];
+        for p in 1..out.len() {
+            let [a, b] = [&self.panels[p - 1], &self.panels[p]];
+            out[p] = out[p - 1] + usize::from((a.piece, a.strip) != (b.piece, b.strip));
+        }
+        out
+    }
+
     /// Unit normal of a panel in space, by the area vector of its outline.
     pub fn normal(&self, panel: &Panel) -> Vec3 {
         let origin = self.place(panel.outline[0]);

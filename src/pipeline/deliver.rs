@@ -3,7 +3,7 @@ use rayon::prelude::*;
 use serde_json::Value;
 
 use super::{
-    output::Output,
+    output::{Output, OutputError},
     plan::Plan,
     replay::replay,
     run::{Event, RunError},
@@ -21,6 +21,7 @@ use crate::{
     report::{
         self, Frame, StageRow, Subjects, Written,
         assembly::{self, Step},
+        page::{Content, page},
     },
     stage::{Check, Section, Store},
 };
@@ -58,7 +59,7 @@ pub(super) fn deliver(
     let jobs: Vec<Job<'_>> = models(store)
         .into_iter()
         .chain([strips(store), stripes(store)].into_iter().flatten())
-        .chain(pictures(store, &line))
+        .chain(pictures(subjects(store, &line)))
         .chain(cut.map(|it| instructions(store, it, &steps, instruction)))
         .chain(mill_programs(store, &plan.profiles.machine))
         .collect();
@@ -102,10 +103,36 @@ pub(super) fn deliver(
         files: &written,
     };
     let report = report::report(&frame, section);
-    output.write("report.json", format!("{report:#}\n").as_bytes())?;
+    reports(plan, store, subjects(store, &line), &report, output)?;
     output.sweep(&written.iter().map(|it| it.path.clone()).collect())?;
     tell(Event::Finished { stage: "write", seconds: monitor.seconds() - start, cached: false });
     Ok(report)
+}
+
+/// The report, for programs and as a page.
+fn reports(
+    plan: &Plan,
+    store: &Store,
+    subjects: Subjects<'_>,
+    report: &Value,
+    output: &Output,
+) -> Result<(), OutputError> {
+    let machine = &plan.profiles.machine;
+    let nouns = Nouns { sheets: store.get(), ..Nouns::default() };
+    // The same bytes as in `sheets/`, and there also where the job writes no SVG.
+    let svg = emit::files(&nouns, &plan.profiles, &["svg".into()]).expect("there is a format of this name");
+    let drawings: Vec<_> = svg.into_iter().map(|it| (it.path, it.bytes)).collect();
+    let content = Content {
+        subjects,
+        flat: store.get(),
+        stripes: store.get(),
+        toolpaths: store.get(),
+        drawings: &drawings,
+        feed: &|operation| machine.tools.get(operation).map_or(0.0, |it| it.feed / 60.0),
+        rapid: machine.rapid / 60.0,
+    };
+    output.write("report.json", format!("{report:#}\n").as_bytes())?;
+    output.write("report.html", &page(&content, report))
 }
 
 /// The instructions for putting the parts together.
@@ -190,13 +217,25 @@ fn stripes(store: &Store) -> Vec<Job<'_>> {
     ]
 }
 
+/// What is drawn.
+fn subjects<'a>(store: &'a Store, line: &'a (dyn Fn(Operation) -> [u8; 3] + Sync)) -> Subjects<'a> {
+    Subjects {
+        source: store.get().expect("the run put the source first"),
+        coarse: store.get(),
+        developed: store.get(),
+        cut: store.get(),
+        strips: store.get(),
+        sheets: store.get(),
+        milling: store.get(),
+        line,
+    }
+}
+
 /// The previews.
-fn pictures<'a>(store: &'a Store, line: &'a (dyn Fn(Operation) -> [u8; 3] + Sync)) -> Vec<Job<'a>> {
-    let source = store.get::<SourceMesh>().expect("the run put the source first");
-    let (coarse, developed, cut, strips, sheets) = (store.get(), store.get(), store.get(), store.get(), store.get());
-    report::pictures(Subjects { source, coarse, developed, cut, strips, sheets, milling: store.get(), line })
+fn pictures(subjects: Subjects<'_>) -> Vec<Job<'_>> {
+    report::pictures(subjects)
         .into_iter()
-        .map(|(path, draw)| -> Job<'a> {
+        .map(|(path, draw)| -> Job<'_> {
             let format = if path.ends_with(".svg") { "svg" } else { "png" };
             (path, format, Box::new(move || draw().map_err(|err| err.to_string())))
         })

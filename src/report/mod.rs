@@ -1,6 +1,7 @@
-//! `report.json`: what was made, how well, and where it lies. Keys are those of CONTRACT.md.
+//! `report.json`: what was made, how well, and where it lies. Keys are those of CONTRACT.md. `report.html`: the same to look at.
 pub mod assembly;
 mod chart;
+pub mod page;
 mod pictures;
 
 pub use pictures::{Drawing, Lines, Subjects, lines, pictures, up};

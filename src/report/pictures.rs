@@ -104,12 +104,7 @@ pub fn pictures<'a>(subjects: Subjects<'a>) -> Vec<Drawing<'a>> {
 /// Panels with their outlines, a colour per strip, shade by their normals.
 fn draw_strips(strips: &Strips, base: MeshStyle<'_>) -> Result<Vec<u8>, RenderError> {
     let (mesh, panels) = strips.mesh().ok_or_else(|| RenderError::Png("there are no panels".into()))?;
-    // Strips count through the job, so that neighbours have different colours.
-    let mut number = vec![0; strips.panels.len()];
-    for p in 1..strips.panels.len() {
-        let [a, b] = [&strips.panels[p - 1], &strips.panels[p]];
-        number[p] = number[p - 1] + usize::from((a.piece, a.strip) != (b.piece, b.strip));
-    }
+    let number = strips.numbers();
     let face = |f: FaceId| palette(number[panels[f.index()]]);
     render::mesh(&mesh, &MeshStyle { face: &face, edges: Edges::Boundary, ..base })
 }

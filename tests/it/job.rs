@@ -9,6 +9,8 @@ use std::{
 
 use serde_json::Value;
 
+use crate::page;
+
 pub(crate) fn fixture(name: &str) -> String {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name).display().to_string()
 }
@@ -26,14 +28,14 @@ pub(crate) fn job(out: &Path, args: &[&str]) -> Value {
     serde_json::from_slice(&result.stdout).unwrap()
 }
 
-/// All files under a folder but the report and the cache, by relative path.
+/// All files under a folder but the reports and the cache, by relative path.
 fn files(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut found = BTreeMap::new();
     let mut folders = vec![root.to_owned()];
     while let Some(folder) = folders.pop() {
         for entry in fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
-            if path.ends_with(".cache") || path.ends_with("report.json") {
+            if path.ends_with(".cache") || path.ends_with("report.json") || path.ends_with("report.html") {
                 continue;
             }
             if path.is_dir() {
@@ -47,7 +49,7 @@ fn files(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 }
 
 /// The report without the keys that may differ between runs (CONTRACT.md).
-fn settled(mut report: Value) -> Value {
+pub(crate) fn settled(mut report: Value) -> Value {
     fn strip(value: &mut Value) {
         match value {
             Value::Object(map) => {
@@ -78,6 +80,7 @@ fn the_same_job_gives_the_same_bytes_on_any_number_of_threads() {
     let a = job(one.path(), &[&mesh, "--threads", "1"]);
     let b = job(two.path(), &[&mesh, "--threads", "2"]);
     assert_eq!(settled(a), settled(b));
+    assert_eq!(page::read(one.path()), page::read(two.path()));
     let (a, b) = (files(one.path()), files(two.path()));
     assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>());
     for (path, bytes) in &a {

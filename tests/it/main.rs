@@ -12,6 +12,7 @@ mod layout;
 mod machine;
 mod meshes;
 mod mill;
+mod page;
 mod pieces;
 mod plain;
 mod ports;
