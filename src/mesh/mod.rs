@@ -11,10 +11,12 @@ pub mod operators;
 pub mod repair;
 pub mod shapes;
 pub mod sweep;
+mod symmetry;
 mod trimesh;
 
 pub use bvh::{Bvh, Closest};
 pub use ids::{EdgeId, FaceId, Field, HalfedgeId, Id, VertexId};
+pub use symmetry::{Isometry, Symmetries};
 pub use trimesh::{MeshError, TriMesh};
 
 /// What a file holds before anyone has checked it: positions and triangles that may be anything.

@@ -112,6 +112,7 @@ impl Lbfgs {
         let mut walk = Walk::new(objective, x, limits, monitor);
         while walk.goes_on()? {
             history.descend(&walk.gradient, metric, &mut direction);
+            walk.objective.symmetrize(&mut direction);
             let start = Sample { value: walk.value, slope: dot(&walk.gradient, &direction) };
             if !(start.slope < 0.0) && !history.pairs.is_empty() {
                 history.clear();

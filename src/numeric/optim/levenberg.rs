@@ -67,6 +67,7 @@ impl Levenberg {
                 failures += 1;
                 continue;
             };
+            walk.objective.symmetrize(&mut step);
             let scale = -(self.longest_step / largest(&step)).min(1.0);
             step.iter_mut().for_each(|d| *d *= scale);
             let (slope, bend) = (dot(&walk.gradient, &step), dot(&step, &hessian.multiply(&step)));
@@ -100,12 +101,12 @@ impl Levenberg {
     }
 }
 
-/// Solves A x = b to the digits of double precision with a factor in single precision, by iterative refinement: fewer digits
-/// would do for the step, but their errors grow from step to step, and a symmetric input would lose its symmetry. `None` if
-/// the factor is too rough for this matrix.
+/// Solves A x = b with a factor in single precision, by iterative refinement. `None` if the factor is too rough for this
+/// matrix.
 fn refined(factor: &Cholesky<f32>, matrix: &SymmetricMatrix, b: &[f64]) -> Option<Vec<f64>> {
-    /// Change of x by one round, relative, at which it stands, and above which the rounds do not converge.
-    const SETTLED: f64 = 1e-12;
+    /// Change of x by one round, relative, after which another would change about its square, and above which the rounds
+    /// do not converge.
+    const SETTLED: f64 = 1e-3;
     const MUCH: f64 = 0.1;
     const ROUNDS: usize = 6;
     let mut x = factor.solve(b);

@@ -21,6 +21,10 @@ pub trait Objective {
     fn accepted(&mut self, _x: &[f64]) -> bool {
         false
     }
+
+    /// Projects a direction of search onto those that keep the symmetry of x, where there is one: what rounding adds to it
+    /// would grow from step to step.
+    fn symmetrize(&self, _direction: &mut [f64]) {}
 }
 
 /// Why a solver stopped.

@@ -35,6 +35,7 @@ impl Subgradient {
         let mut direction = vec![0.0; walk.x.len()];
         while walk.goes_on()? {
             direction.iter_mut().zip(&walk.gradient).for_each(|(d, g)| *d = -g);
+            walk.objective.symmetrize(&mut direction);
             let slope = -dot(&walk.gradient, &walk.gradient);
             let mut tried = 0;
             while !(walk.sample(t, &direction)?.value <= walk.value + Self::ARMIJO * t * slope) {

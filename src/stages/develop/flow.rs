@@ -3,7 +3,7 @@ use super::{
     Evaluator, Parts, barrier, curvature::Curvature, curves::Curves, fidelity::Fidelity, measure::FOLDED, set_positions,
 };
 use crate::{
-    mesh::{EdgeId, TriMesh},
+    mesh::{EdgeId, Symmetries, TriMesh},
     numeric::{
         optim::{Curved, Objective},
         sparse::SymmetricMatrix,
@@ -19,6 +19,7 @@ pub(super) struct Flow<'a, 'b> {
     curves: Option<&'a mut Curves<'b>>,
     /// Of the connectivity.
     mesh: &'a TriMesh,
+    symmetries: &'a Symmetries,
     /// Gradient of energy and barriers at the latest point, so that refreshed closest points cost no evaluation of them.
     shape_gradient: Vec<f64>,
     parts: Parts,
@@ -34,12 +35,14 @@ impl<'a, 'b> Flow<'a, 'b> {
         hold: Option<&'a mut Fidelity<'b>>,
         curves: Option<&'a mut Curves<'b>>,
         mesh: &'a TriMesh,
+        symmetries: &'a Symmetries,
     ) -> Self {
         Self {
             evaluator,
             hold,
             curves,
             mesh,
+            symmetries,
             shape_gradient: Vec::new(),
             parts: Parts::default(),
             stale_hold: false,
@@ -102,6 +105,10 @@ impl Objective for Flow<'_, '_> {
         self.stale_hold = hold || curves;
         self.stale_hold
     }
+
+    fn symmetrize(&self, direction: &mut [f64]) {
+        self.symmetries.symmetrize(direction);
+    }
 }
 
 /// A [`Flow`] with its curvature.
@@ -129,6 +136,10 @@ impl Objective for CurvedFlow<'_, '_> {
         self.flow.settle();
         self.flow.stale_hold = self.flow.hold.as_mut().is_some_and(|it| it.refresh_pulled(x));
         self.flow.stale_hold
+    }
+
+    fn symmetrize(&self, direction: &mut [f64]) {
+        self.flow.symmetrize(direction);
     }
 }
 

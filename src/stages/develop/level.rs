@@ -17,7 +17,7 @@ use super::{
 use crate::{
     geom::{Vec3, closest_on_triangle},
     mesh::{
-        Bvh, TriMesh,
+        Bvh, Symmetries, TriMesh,
         distance::{Violation, sample_symmetrically, violations},
     },
     model::Round,
@@ -37,6 +37,11 @@ const GROWTH: f64 = 3.0;
 const HEAVIEST: f64 = 30.0;
 /// Samples of the source per vertex of the moving mesh, besides the vertices of the source.
 const SAMPLES: usize = 2;
+
+/// Distance between a mesh and its image, over the diagonal, up to which that is a symmetry: what six digits in a file leave.
+const SYMMETRIC: f64 = 1e-5;
+/// Vertices of the source, spread over its list, that must lie on the source again.
+const SYMMETRY_CHECKS: usize = 5000;
 
 /// What stays the same over all levels.
 pub(super) struct Job<'a> {
@@ -71,6 +76,8 @@ struct Level<'a> {
     /// Coordinates of the vertices.
     x: Vec<f64>,
     mesh: TriMesh,
+    /// Those of the mesh at its start that are also the source's.
+    symmetries: Symmetries,
     evaluator: Evaluator,
     solver: Solver,
     hold: Option<Fidelity<'a>>,
@@ -203,7 +210,20 @@ impl<'a> Job<'a> {
             let points: Vec<Vec3> = points.chain(self.source.positions().iter().copied()).collect();
             Fidelity::new(self.tree, &points, &mesh, unit, band, settings.hold)
         });
-        Ok(Level { unit, index, settings, x: flatten(&mesh), mesh, evaluator, solver, hold, curves })
+        let symmetries = self.symmetries(start);
+        Ok(Level { unit, index, settings, x: flatten(&mesh), mesh, symmetries, evaluator, solver, hold, curves })
+    }
+
+    /// The symmetries that `start` (mm) and the source have in common. What the flow does to symmetric places is alike but
+    /// for rounding, which it would blow up.
+    fn symmetries(&self, start: &TriMesh) -> Symmetries {
+        let tolerance = SYMMETRIC * self.source.bounds().diagonal();
+        let positions = self.source.positions().as_slice();
+        let step = (positions.len() / SYMMETRY_CHECKS).max(1);
+        Symmetries::of(start, tolerance, |motion| {
+            let near = |p: &Vec3| self.tree.is_within(motion.of(p), tolerance);
+            positions.iter().step_by(step).all(near)
+        })
     }
 
     /// One run of the optimiser, recorded, or taken from the record. Either way the state afterwards depends on nothing but
@@ -322,7 +342,8 @@ impl Level<'_> {
             let iterations = if careful { iterations.min(few) } else { iterations };
             Limits { iterations, gradient, decrease: settings.decrease, window }
         };
-        let mut flow = Flow::new(&mut self.evaluator, self.hold.as_mut(), self.curves.as_mut(), &self.mesh);
+        let mut flow =
+            Flow::new(&mut self.evaluator, self.hold.as_mut(), self.curves.as_mut(), &self.mesh, &self.symmetries);
         let x = &mut self.x;
         match &self.solver {
             Solver::Lbfgs => Lbfgs::default().minimize(&mut flow, x, None, FIRST_STEP, &limits(300, 40, 60), monitor),
@@ -341,7 +362,7 @@ impl Level<'_> {
                     x,
                     &mut curvature.matrix(),
                     &curvature.analysis,
-                    &limits(20, 6, 8),
+                    &limits(if settings.last { 22 } else { 20 }, 3, 8),
                     monitor,
                 )
             }

@@ -5,11 +5,12 @@ use super::{DevelopError, Optimizer, Options, barrier::Weights, energy::Energy};
 const HOLD: [f64; 2] = [6.0, 90.0];
 /// Weight of the pull towards the source over the energy at the start of a round, in the first and the last round of the
 /// last level: where the energy is low already, closeness may cost less of it, and at the start of the first it is high.
-const PULL: [f64; 2] = [0.04, 0.4];
+const PULL: [f64; 2] = [0.04, 0.37];
 /// Weights of the barriers on the coarsest level.
 const BARRIERS: Weights = Weights { angle: 3e-4, fold: 0.01, defect: 0.1, area: 1e-4 };
-/// Relative decrease of the objective over the window of an optimiser below which a round ends.
-const DECREASE: f64 = 1e-2;
+/// Relative decrease of the objective over the window of an optimiser below which a round ends, and the last one, after which
+/// nothing is mended but what breaks the promise.
+const DECREASE: [f64; 2] = [1e-2, 5e-3];
 /// Norm of the gradient at mean edge length 1, over √(3 V), below which it does.
 const GRADIENT: f64 = 1e-10;
 
@@ -54,6 +55,8 @@ pub(super) struct Settings {
     pub(super) optimizer: Optimizer,
     pub(super) max_deviation: f64,
     pub(super) iterations: Option<usize>,
+    /// Whether it is the last round of the last level.
+    pub(super) last: bool,
     pub(super) decrease: f64,
     pub(super) gradient: f64,
     pub(super) hold: f64,
@@ -78,12 +81,14 @@ impl Settings {
             1 => 1.0,
             rounds => round as f64 / (rounds - 1) as f64,
         };
+        let last = level == levels && round + 1 == options.rounds;
         let mut settings = Self {
             energy: options.energy,
             optimizer: options.optimizer,
             max_deviation: options.max_deviation,
             iterations: options.iterations,
-            decrease: DECREASE,
+            decrease: DECREASE[usize::from(last)],
+            last,
             gradient: GRADIENT,
             hold: HOLD[0] * (HOLD[1] / HOLD[0]).powf(share),
             pull: match round {

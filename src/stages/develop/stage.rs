@@ -85,7 +85,8 @@ pub struct RoundTable {
     /// Most steps.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub iterations: Option<usize>,
-    /// Relative decrease of the objective over ten steps below which the round ends; 3e-3.
+    /// Relative decrease of the objective over the latest steps (8 of "levenberg", 30 of "lbfgs-h2") below which the round
+    /// ends; 1e-2, in the last round 5e-3.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub decrease: Option<f64>,
     /// Norm of the gradient at mean edge length 1 over the root of the number of variables, below which it ends; 1e-10.
@@ -293,7 +294,7 @@ impl Serialize for Levels {
 
 impl Stage for Develop {
     const NAME: &'static str = "develop";
-    const VERSION: u32 = 13;
+    const VERSION: u32 = 14;
     type Input = (SourceMesh, TriMesh);
     type Output = DevelopableMesh;
     type Profile = ();

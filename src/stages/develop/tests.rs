@@ -357,7 +357,8 @@ fn a_step_that_folds_an_edge_is_never_taken() {
     let mesh = ball();
     let mut evaluator = Evaluator::new(&mesh, &ENERGIES[0], Weights::default());
     let (mut x, mut gradient) = (flatten(&mesh), vec![0.0; 3 * mesh.vertex_count()]);
-    let mut flow = flow::Flow::new(&mut evaluator, None, None, &mesh);
+    let symmetries = Default::default();
+    let mut flow = flow::Flow::new(&mut evaluator, None, None, &mesh, &symmetries);
     assert!(flow.evaluate(&x, &mut gradient).is_finite());
     let (v, w) = (VertexId(50), mesh.neighbors(VertexId(50)).next().unwrap());
     let (from, along) = (mesh.position(v), mesh.position(w) - mesh.position(v));
@@ -370,7 +371,8 @@ fn a_step_that_folds_an_edge_is_never_taken() {
     // A start that is folded already may stay so, unfold, but not fold anew.
     let folded = at(1.5, &mut flow).1;
     let mut evaluator = Evaluator::new(&mesh, &ENERGIES[0], Weights::default());
-    let mut flow = flow::Flow::new(&mut evaluator, None, None, &mesh);
+    let symmetries = Default::default();
+    let mut flow = flow::Flow::new(&mut evaluator, None, None, &mesh, &symmetries);
     let mut gradient = vec![0.0; folded.len()];
     assert!(flow.evaluate(&folded, &mut gradient).is_finite());
     assert!(flow.evaluate(&flatten(&mesh), &mut gradient).is_finite());
@@ -432,4 +434,21 @@ fn boundaries_become_fair_and_held_ones_stay() {
     let bounds = networks[0].distance(&source, (&networks[1], &hold), 0.01, &Monitor::silent()).unwrap().unwrap();
     assert!(bounds.upper <= 0.04, "{bounds:?}");
     assert!(jags(&hold) < jags(&source), "{} {}", jags(&hold), jags(&source));
+}
+
+/// Between the images of the vertices in the plane x = 0 and the nearest vertex, at most.
+fn asymmetry(mesh: &TriMesh) -> f64 {
+    let positions = mesh.positions().as_slice();
+    let mirrored = |p: &Vec3| Vec3::new(-p.x, p.y, p.z);
+    let nearest = |p: Vec3| positions.iter().map(|q| (p - q).norm()).fold(f64::INFINITY, f64::min);
+    positions.iter().map(|p| nearest(mirrored(p))).fold(0.0, f64::max)
+}
+
+#[test]
+fn a_mirror_plane_of_the_input_is_one_of_the_result() {
+    let mesh = shapes::icosphere(50.0, 2);
+    assert!(asymmetry(&mesh) < 1e-12);
+    let result = develop(&mesh, &mesh, &options(1.0), &Monitor::silent()).unwrap();
+    assert!(result.energy.iter().sum::<f64>() < 0.5 * energies(&mesh, &energy::COVARIANCE).iter().sum::<f64>());
+    assert!(asymmetry(&result.mesh) < 1e-9, "{:e} mm", asymmetry(&result.mesh));
 }
