@@ -315,17 +315,6 @@ impl<'a> Sweep<'a> {
         }
         out
     }
-
-    /// The highest sample above the swept flank, among those of wanted faces that the line of contact has passed.
-    pub fn excess(&self, wanted: impl Fn(FaceId) -> bool) -> Deepest {
-        let mut out = Deepest::default();
-        for (i, p) in self.samples.points.iter().enumerate() {
-            if self.passed[i] && wanted(self.samples.faces[i]) {
-                out.meet(self.clearance[i], *p);
-            }
-        }
-        out
-    }
 }
 
 #[cfg(test)]
@@ -349,7 +338,9 @@ mod tests {
                 sweep.step(&w[0], &w[1], [0.0, 20.0], &|_| Some(Vec3::z()));
             }
             assert!((sweep.gouge().depth - gouge).abs() < 1e-9, "{height}: {:?}", sweep.gouge());
-            assert!((sweep.excess(|_| true).depth - excess).abs() < 2e-3, "{height}: {:?}", sweep.excess(|_| true));
+            let passed = sweep.clearance.iter().zip(&sweep.passed).filter(|it| *it.1);
+            let left = passed.map(|it| *it.0).fold(0.0, f64::max);
+            assert!((left - excess).abs() < 2e-3, "{height}: {left}");
             // What the line of contact passed is a rectangle of 20 by 25 mm.
             let passed: Vec<&Vec3> =
                 samples.points.iter().zip(&sweep.passed).filter(|it| *it.1).map(|it| it.0).collect();

@@ -24,7 +24,7 @@ use crate::{
     geom::{Box3, Vec3},
     mesh::{
         FaceId, Field, Id, TriMesh,
-        sweep::{Deepest, Samples, Sweep, Tool},
+        sweep::{Deepest, Samples, Tool},
     },
     model::{CutMesh, MillMove, Milling, PieceId, Ruled, Setup, Strips},
     numeric::{Cancelled, Monitor},
@@ -260,9 +260,14 @@ fn assemble(
     monitor: &Monitor,
 ) -> Result<Milling, Cancelled> {
     let mine = Field::<FaceId, bool>::from_fn(cut.mesh.face_count(), |f| pieces.contains(&cut.piece_of[f]));
-    let swept = path::sweep(&moves, cut, body, plan, options, monitor)?;
-    let Sweep { clearance, passed, .. } = &swept.sweep;
-    let deviation = body.middles.iter().map(|it| it.filter(|&i| passed[i]).map(|i| clearance[i])).collect();
+    let swept = path::Program { moves: &moves, cut, body, plan, options }.sweep(monitor)?;
+    let deviation = body.middles.iter().map(|it| it.filter(|&i| swept.passed[i]).map(|i| swept.shown(i))).collect();
+    let deepest = |depth: &dyn Fn(usize) -> f64| {
+        let mut out = Deepest::default();
+        body.samples.points.iter().enumerate().for_each(|(i, p)| out.meet(depth(i), *p));
+        out
+    };
+    let left = |i: usize| if swept.passed[i] && mine[body.samples.faces[i]] { swept.highest[i] } else { 0.0 };
     let area = |wanted: &dyn Fn(usize) -> bool| -> f64 {
         let every = body.areas.iter().enumerate();
         every.filter(|(i, _)| mine[body.samples.faces[*i]] && wanted(*i)).map(|it| it.1).sum()
@@ -279,9 +284,9 @@ fn assemble(
         refused,
         painted: Box::new(body.painted.clone()),
         deviation,
-        covered: area(&|i| passed[i]) / area(&|_| true).max(f64::MIN_POSITIVE),
-        gouge: swept.sweep.gouge(),
-        excess: swept.sweep.excess(|f| mine[f]),
+        covered: area(&|i| swept.passed[i]) / area(&|_| true).max(f64::MIN_POSITIVE),
+        gouge: deepest(&|i| -swept.lowest[i]),
+        excess: deepest(&left),
         collision: swept.collision,
         limits: [options.gouge, options.excess],
     })
@@ -312,8 +317,19 @@ fn placed(mesh: &TriMesh, rows: [Vec3; 3], options: &Options) -> Setup {
     Setup { rows, shift: top - foot }
 }
 
-/// What a sweep of a program finds.
-struct Swept<'a> {
-    sweep: Sweep<'a>,
+/// What the sweeps of a program find.
+struct Swept {
+    /// Smallest and largest clearance that one of the sweeps leaves on each sample, mm; what is cut into is negative.
+    lowest: Vec<f64>,
+    highest: Vec<f64>,
+    /// Whether the line of contact passed over the sample in all of them.
+    passed: Vec<bool>,
     collision: Deepest,
+}
+
+impl Swept {
+    /// The one figure of a sample for a picture: a cut before what is left.
+    fn shown(&self, i: usize) -> f64 {
+        if self.lowest[i] < 0.0 { self.lowest[i] } else { self.highest[i] }
+    }
 }

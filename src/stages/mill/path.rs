@@ -316,66 +316,66 @@ fn push(
     Ok(())
 }
 
-/// Sweeps the program past the body in every way that a controller may move between its blocks. What one of the ways cuts
-/// into is cut into; what one of them leaves is left.
-pub(super) fn sweep<'b>(
-    moves: &[MillMove],
-    cut: &CutMesh,
-    body: &'b Body,
-    plan: &Plan<'_>,
-    options: &Options,
-    monitor: &Monitor,
-) -> Result<Swept<'b>, Cancelled> {
-    let mut whole: Option<Swept<'b>> = None;
-    for &way in options.machine.ways() {
-        let one = sweep_one(way, moves, cut, body, plan, options, monitor)?;
-        let Some(Swept { sweep, collision }) = &mut whole else {
-            whole = Some(one);
-            continue;
-        };
-        for (i, it) in sweep.clearance.iter_mut().enumerate() {
-            let other = one.sweep.clearance[i];
-            *it = if it.min(other) < 0.0 { it.min(other) } else { it.max(other) };
-            sweep.passed[i] &= one.sweep.passed[i];
-        }
-        collision.meet(one.collision.depth, one.collision.place);
-    }
-    Ok(whole.expect("every machine moves in some way"))
+/// A finished program and what it is swept past.
+pub(super) struct Program<'a> {
+    pub(super) moves: &'a [MillMove],
+    pub(super) cut: &'a CutMesh,
+    pub(super) body: &'a Body,
+    pub(super) plan: &'a Plan<'a>,
+    pub(super) options: &'a Options,
 }
 
-fn sweep_one<'b>(
-    way: Between,
-    moves: &[MillMove],
-    cut: &CutMesh,
-    body: &'b Body,
-    plan: &Plan<'_>,
-    options: &Options,
-    monitor: &Monitor,
-) -> Result<Swept<'b>, Cancelled> {
-    let band = options.tool.radius.max(2.0 * options.excess);
-    let setup = &plan.setup;
-    let in_body = |pose: &Pose| Pose { tip: setup.back(pose.tip), axis: setup.turn_back(pose.axis) };
-    let mut sweep = Sweep::new(&body.samples, options.tool, band);
-    let mut hit = Deepest::default();
-    for (i, w) in moves.windows(2).enumerate() {
-        monitor.check()?;
-        if i % 64 == 0 {
-            monitor.progress(i as f64 / moves.len() as f64, "sweep");
-        }
-        let ends = ((&w[0].pose, w[0].joints.as_slice()), (&w[1].pose, w[1].joints.as_slice()));
-        let facing = |f: FaceId| (cut.piece_of[f] == w[1].piece).then(|| cut.mesh.normal(f));
-        let mut last = in_body(&w[0].pose);
-        for k in 1..=SUBSTEPS {
-            let pose = options.machine.between(way, ends.0, ends.1, k as f64 / SUBSTEPS as f64);
-            if let (Machine::Mill(_), Some(place)) = (&options.machine, in_box(&options.tool, &pose, &plan.fixture)) {
-                hit.meet(options.tool.radius, setup.back(place));
+impl Program<'_> {
+    /// Sweeps the program past the body in every way that a controller may move between its blocks. What one of the ways
+    /// cuts into is cut into, what one of them leaves is left, and only what all of them pass is passed.
+    pub(super) fn sweep(&self, monitor: &Monitor) -> Result<Swept, Cancelled> {
+        let count = self.body.samples.points.len();
+        let mut out = Swept {
+            lowest: vec![f64::INFINITY; count],
+            highest: vec![f64::NEG_INFINITY; count],
+            passed: vec![true; count],
+            collision: Deepest::default(),
+        };
+        for &way in self.options.machine.ways() {
+            let Sweep { clearance, passed, collision, .. } = self.sweep_one(way, monitor)?;
+            for (i, &it) in clearance.iter().enumerate() {
+                out.lowest[i] = out.lowest[i].min(it);
+                out.highest[i] = out.highest[i].max(it);
+                out.passed[i] &= passed[i];
             }
-            let next = in_body(&pose);
-            sweep.step(&last, &next, w[1].contact, &facing);
-            last = next;
+            out.collision.meet(collision.depth, collision.place);
         }
+        Ok(out)
     }
-    let mut collision = sweep.collision;
-    collision.meet(hit.depth, hit.place);
-    Ok(Swept { sweep, collision })
+
+    /// One of the ways, with the fixture among what it collides with.
+    fn sweep_one(&self, way: Between, monitor: &Monitor) -> Result<Sweep<'_>, Cancelled> {
+        let Self { moves, cut, body, plan, options } = *self;
+        let band = options.tool.radius.max(2.0 * options.excess);
+        let setup = &plan.setup;
+        let in_body = |pose: &Pose| Pose { tip: setup.back(pose.tip), axis: setup.turn_back(pose.axis) };
+        let mut sweep = Sweep::new(&body.samples, options.tool, band);
+        let mut hit = Deepest::default();
+        for (i, w) in moves.windows(2).enumerate() {
+            monitor.check()?;
+            if i % 64 == 0 {
+                monitor.progress(i as f64 / moves.len() as f64, "sweep");
+            }
+            let ends = ((&w[0].pose, w[0].joints.as_slice()), (&w[1].pose, w[1].joints.as_slice()));
+            let facing = |f: FaceId| (cut.piece_of[f] == w[1].piece).then(|| cut.mesh.normal(f));
+            let mut last = in_body(&w[0].pose);
+            for k in 1..=SUBSTEPS {
+                let pose = options.machine.between(way, ends.0, ends.1, k as f64 / SUBSTEPS as f64);
+                if let (Machine::Mill(_), Some(place)) = (&options.machine, in_box(&options.tool, &pose, &plan.fixture))
+                {
+                    hit.meet(options.tool.radius, setup.back(place));
+                }
+                let next = in_body(&pose);
+                sweep.step(&last, &next, w[1].contact, &facing);
+                last = next;
+            }
+        }
+        sweep.collision.meet(hit.depth, hit.place);
+        Ok(sweep)
+    }
 }

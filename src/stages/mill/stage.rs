@@ -107,7 +107,7 @@ pub struct Axes {
 
 impl Stage for MillStage {
     const NAME: &'static str = "mill";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type Input = (CutMesh, Strips);
     type Output = Milling;
     type Profile = Axes;
