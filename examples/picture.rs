@@ -1,5 +1,9 @@
-//! Puts the README's picture together from the previews of a job:
-//! `cargo run --release --example picture -- out fixtures/picture.png`.
+//! Puts pictures of one height side by side. The README's, from the previews of its job:
+//! `cargo run --release --example picture -- fixtures/picture.png out/preview/{input,developed,cut,sheet-01}.png`.
+//!
+//! One shape developed from three tessellations, each in a folder of its own (t is octahedron, icosahedron or cube):
+//! `cargo run --release -- run fixtures/bumpy.obj --to develop --set coarsen.method=sphere --set coarsen.tessellation=t --out t`,
+//! then `cargo run --release --example picture -- three.png {octahedron,icosahedron,cube}/preview/{coarse,developed}.png`.
 use std::{env, error::Error, fs};
 
 use resvg::{
@@ -9,19 +13,15 @@ use resvg::{
 
 /// Height of the strip, pixels.
 const HEIGHT: f32 = 420.0;
-const PICTURES: [&str; 4] = ["input", "developed", "cut", "sheet-01"];
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut args = env::args().skip(1);
-    let (Some(job), Some(target)) = (args.next(), args.next()) else {
-        return Err("usage: picture OUT_DIR PICTURE.png".into());
-    };
-    let read = |name: &str| -> Result<Pixmap, Box<dyn Error>> {
-        Ok(Pixmap::decode_png(&fs::read(format!("{job}/preview/{name}.png"))?)?)
-    };
-    let pictures = PICTURES.map(read).into_iter().collect::<Result<Vec<_>, _>>()?;
+    let target = args.next().ok_or("usage: picture TARGET.png PICTURE.png...")?;
+    let read = |path: String| -> Result<Pixmap, Box<dyn Error>> { Ok(Pixmap::decode_png(&fs::read(path)?)?) };
+    let pictures = args.map(read).collect::<Result<Vec<_>, _>>()?;
     let widths: Vec<f32> = pictures.iter().map(|it| HEIGHT * it.width() as f32 / it.height() as f32).collect();
-    let size = usvg::Size::from_wh(widths.iter().sum(), HEIGHT).ok_or("the previews are empty")?.to_int_size();
+    let size =
+        usvg::Size::from_wh(widths.iter().sum(), HEIGHT).ok_or("the pictures are empty or missing")?.to_int_size();
     let mut strip = Pixmap::new(size.width(), size.height()).ok_or("the strip is empty")?;
     strip.fill(Color::WHITE);
     let mut x = 0.0;

@@ -214,6 +214,13 @@ impl<A: Noun, B: Noun, C: Noun> Outputs for (A, B, C) {
     }
 }
 
+impl<A: Noun, B: Noun, C: Noun, D: Noun> Outputs for (A, B, C, D) {
+    const KINDS: &'static [Kind] = &[A::KIND, B::KIND, C::KIND, D::KIND];
+    fn artifacts(self) -> Vec<Artifact> {
+        vec![self.0.wrap(), self.1.wrap(), self.2.wrap(), self.3.wrap()]
+    }
+}
+
 /// One step of a pipeline; `self` is its config table, the only home of its defaults and units.
 pub trait Stage: Serialize + DeserializeOwned + Send + Sync + 'static {
     /// Name of the config table.

@@ -29,6 +29,7 @@ pub(crate) fn options(stretch: f64) -> Options {
         prefer: vec![],
         avoid: vec![],
         seams: vec![],
+        scales: vec![],
         sheet: None,
     }
 }

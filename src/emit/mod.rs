@@ -5,6 +5,7 @@ mod drawing;
 mod dxf;
 mod dxf12;
 mod gcode;
+pub mod globe;
 mod hpgl;
 pub mod mill;
 pub mod obj;

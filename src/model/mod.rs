@@ -1,5 +1,6 @@
 //! The nouns that cross stages: plain data, and what each of them guarantees.
 
+mod globe;
 mod mill;
 mod nouns;
 mod planar;
@@ -7,6 +8,7 @@ mod shape;
 mod stripes;
 mod strips;
 
+pub use globe::Globe;
 pub use mill::{MillMove, Milling, Setup};
 pub(crate) use nouns::with_nouns;
 pub use nouns::{Artifact, Kind, Noun};

@@ -1,6 +1,6 @@
 //! The sum of all nouns, so that a plan can be checked and a store can hold them.
 use super::{
-    CutMesh, DevelopableMesh, Flattening, Guides, Milling, Parts, Sheets, SourceMesh, Stripes, Strips, Toolpaths,
+    CutMesh, DevelopableMesh, Flattening, Globe, Guides, Milling, Parts, Sheets, SourceMesh, Stripes, Strips, Toolpaths,
 };
 use crate::mesh::TriMesh;
 
@@ -50,7 +50,8 @@ pub trait Noun: Sized + Send + Sync + 'static {
 macro_rules! with_nouns {
     ($run:ident) => {
         $run! {
-            SourceMesh, Guides, TriMesh, DevelopableMesh, CutMesh, Flattening, Strips, Parts, Sheets, Toolpaths, Milling, Stripes
+            SourceMesh, Guides, TriMesh, DevelopableMesh, CutMesh, Flattening, Strips, Parts, Sheets, Toolpaths, Milling, Stripes,
+            Globe
         }
     };
 }

@@ -27,6 +27,10 @@ pub struct Guides {
     pub patches: Vec<Patch>,
     /// Edges of the developable mesh that must be seams, as pairs of vertices: lines that a stage has cut into it.
     pub edges: Vec<[u32; 2]>,
+    /// How many times as long each of `edges` should be in the plane as in space; none where all keep their length.
+    pub scales: Vec<f64>,
+    /// Lines to be engraved through a map to the sphere, as longitudes and latitudes, radians.
+    pub texture: Vec<Vec<Vec2>>,
 }
 
 /// A painted part of the input.
@@ -161,6 +165,9 @@ pub struct CutMesh {
     pub seam_vertices: usize,
     /// Limit of the principal stretch max |ln σ| that 99.9 % of the area of every piece keep when it is laid flat.
     pub stretch: f64,
+    /// Halfedges on seams that should be so many times as long in the plane as in space, both sides by the same factor; all
+    /// others keep their length.
+    pub rim: Vec<(HalfedgeId, f64)>,
 }
 
 impl CutMesh {

@@ -8,10 +8,10 @@ use crate::{
         sweep::{Deepest, Pose, Tool},
     },
     model::{
-        Artifact, Bend, Corner, CutMesh, DevelopableMesh, Flattening, Guides, Joints, Kind, Mark, MillMove, Milling,
-        Noun, Opening, Operation, Overlap, Panel, PanelKind, Part, Parts, Patch, Piece, PieceId, Placement, Round,
-        Ruled, Ruling, Seam, Setup, Sheet, SheetPaths, Sheets, SourceMesh, StripeEnd, StripeLine, Stripes, Strips,
-        Toolpath, Toolpaths, Tradeoff, with_nouns,
+        Artifact, Bend, Corner, CutMesh, DevelopableMesh, Flattening, Globe, Guides, Joints, Kind, Mark, MillMove,
+        Milling, Noun, Opening, Operation, Overlap, Panel, PanelKind, Part, Parts, Patch, Piece, PieceId, Placement,
+        Round, Ruled, Ruling, Seam, Setup, Sheet, SheetPaths, Sheets, SourceMesh, StripeEnd, StripeLine, Stripes,
+        Strips, Toolpath, Toolpaths, Tradeoff, with_nouns,
     },
 };
 
@@ -246,7 +246,10 @@ plain_enums! {
 
 records! {
     SourceMesh { mesh, file, repairs, up }
-    Guides { seams, patches, edges }
+    Guides { seams, patches, edges, scales, texture }
+    Globe {
+        points, faces, method, energy, dilatation, centroid, held, seconds, rings, lines, stretch, seam_length, seam_scale,
+    }
     Patch { key, triangles }
     Round {
         energy, vertices, faces, energy_start, energy_end, gradient_norm, iterations, evaluations, seconds, stopped,
@@ -256,7 +259,7 @@ records! {
     Tradeoff { max_deviation, energy, seam_length, bound }
     Piece { name }
     Seam { label, sides }
-    CutMesh { mesh, origin, piece_of, pieces, seams, tolerance, seam_vertices, stretch }
+    CutMesh { mesh, origin, piece_of, pieces, seams, tolerance, seam_vertices, stretch, rim }
     Overlap { faces, area }
     Flattening { uv, log_factor, overlaps, stretch_limit }
     Corner { point, uv }

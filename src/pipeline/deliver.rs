@@ -8,13 +8,14 @@ use super::{
     replay::replay,
     run::{Event, RunError},
     simulate::simulate,
-    verify::{booklet, verify},
+    verify::{booklet, certified, verify},
 };
 use crate::{
     emit::{self, File, Nouns},
     mesh::TriMesh,
     model::{
-        CutMesh, DevelopableMesh, Flattening, Milling, Operation, Parts, Sheets, SourceMesh, Stripes, Strips, Toolpaths,
+        CutMesh, DevelopableMesh, Flattening, Globe, Milling, Operation, Parts, Sheets, SourceMesh, Stripes, Strips,
+        Toolpaths,
     },
     numeric::{Cancelled, Monitor},
     profile::Machine,
@@ -59,6 +60,7 @@ pub(super) fn deliver(
     let jobs: Vec<Job<'_>> = models(store)
         .into_iter()
         .chain([strips(store), stripes(store)].into_iter().flatten())
+        .chain(globe(store))
         .chain(pictures(subjects(store, &line)))
         .chain(cut.map(|it| instructions(store, it, &steps, instruction)))
         .chain(mill_programs(store, &plan.profiles.machine))
@@ -88,9 +90,7 @@ pub(super) fn deliver(
     if let Some(cut) = cut {
         section = section.table("assembly", assembly::table(cut, &steps, instruction));
     }
-    if written.iter().any(|it| it.path == ASSEMBLY) {
-        section = section.check(booklet(&output.read(ASSEMBLY)?, steps.len()));
-    }
+    section.checks.extend(reread(&written, output, steps.len())?);
     section.checks.extend(verify(&read_back, &nouns, &plan.profiles));
     section.checks.extend(simulate(&read_back, &nouns, &plan.profiles));
     section.checks.extend(replayed(&written, store, output, &plan.profiles.machine)?);
@@ -133,6 +133,19 @@ fn reports(
     };
     output.write("report.json", format!("{report:#}\n").as_bytes())?;
     output.write("report.html", &page(&content, report))
+}
+
+/// The booklet and the map to the sphere, read back.
+fn reread(written: &[Written], output: &Output, steps: usize) -> Result<Vec<Check>, RunError> {
+    let has = |path: &str| written.iter().any(|it| it.path == path);
+    let mut checks = Vec::new();
+    if has(ASSEMBLY) {
+        checks.push(booklet(&output.read(ASSEMBLY)?, steps));
+    }
+    if has(GLOBE) {
+        checks.push(certified(&output.read(GLOBE)?));
+    }
+    Ok(checks)
 }
 
 /// The instructions for putting the parts together.
@@ -205,7 +218,7 @@ fn strips(store: &Store) -> Vec<Job<'_>> {
 
 /// The lines of the stripes, to look at and as a path for a tool.
 fn stripes(store: &Store) -> Vec<Job<'_>> {
-    let Some(stripes) = store.get::<Stripes>() else { return vec![] };
+    let Some(stripes) = store.get::<Stripes>().filter(|it| !it.lines.is_empty()) else { return vec![] };
     let obj = move || {
         let mut bytes = Vec::new();
         emit::stripes::obj(stripes, &mut bytes).expect("writing to memory cannot fail");
@@ -229,6 +242,19 @@ fn subjects<'a>(store: &'a Store, line: &'a (dyn Fn(Operation) -> [u8; 3] + Sync
         milling: store.get(),
         line,
     }
+}
+
+/// The image of the surface on the sphere.
+const GLOBE: &str = "sphere/map.obj";
+
+fn globe(store: &Store) -> Option<Job<'_>> {
+    let globe = store.get::<Globe>()?;
+    let obj = move || {
+        let mut bytes = Vec::new();
+        emit::globe::obj(globe, &mut bytes).expect("writing to memory cannot fail");
+        Ok(bytes)
+    };
+    Some((GLOBE.into(), "obj", Box::new(obj)))
 }
 
 /// The previews.

@@ -1,4 +1,5 @@
-//! What the `[cut]` table says about places on the input: drawn seams and painted faces, read and brought to size.
+//! What the `[cut]` table says about places on the input: drawn seams and painted faces, read and brought to size; and the
+//! lines that `[sphere]` engraves.
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
@@ -9,8 +10,12 @@ use super::{
     input::InputError,
 };
 use crate::{
-    geom::Vec3,
-    import::mesh::{NamedFace, read_drawn},
+    geom::{Vec2, Vec3},
+    import::{
+        DrawnLine,
+        mesh::{NamedFace, read_drawn},
+        read_svg,
+    },
     mesh::Soup,
     model::{Guides, Patch},
 };
@@ -32,12 +37,51 @@ struct Paint {
     faces: Option<Spanned<Vec<u32>>>,
 }
 
-/// The guides of a job whose input file holds `soup`, times `scale`; `None` where `[cut]` names no places.
+/// The key of `[sphere]` that names a file; the stage reads the others.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct SphereKeys {
+    texture: Option<PathBuf>,
+}
+
+/// The guides of a job whose input file holds `soup`, times `scale`; `None` where `[cut]` names no places and `[sphere]` no
+/// lines.
 pub(super) fn load(config: &Config<'_>, file: &Path, soup: &Soup, scale: f64) -> Result<Option<Guides>, InputError> {
-    let Some(table) = config.tables.get("cut") else { return Ok(None) };
+    let mut out = Guides::default();
+    places(config, file, soup, scale, &mut out)?;
+    if let Some(table) = config.tables.get("sphere") {
+        let keys = SphereKeys::deserialize(toml::de::Deserializer::from(table.clone()));
+        if let Some(path) = keys.map_err(|err| config.source.toml_error(&err))?.texture {
+            out.texture = texture(&config.source.folder().join(path))?;
+        }
+    }
+    Ok((out != Guides::default()).then_some(out))
+}
+
+/// The lines of an SVG whose page is the sphere in equirectangular projection, as longitudes and latitudes, radians.
+fn texture(path: &Path) -> Result<Vec<Vec<Vec2>>, InputError> {
+    let refuse = |reason: String| InputError::Texture { path: path.display().to_string(), reason };
+    let bytes = std::fs::read(path).map_err(|err| refuse(err.to_string()))?;
+    let drawing = read_svg(&bytes).map_err(|err| refuse(err.to_string()))?;
+    let size = drawing.size.filter(|it| it.x > 0.0 && it.y > 0.0);
+    let Some(size) = size.filter(|_| !drawing.lines.is_empty()) else {
+        return Err(refuse("it holds no lines on a page; convert texts and pictures to paths".into()));
+    };
+    // The origin of the page is its lower left corner.
+    let place =
+        |p: &Vec2| Vec2::new((p.x / size.x - 0.5) * std::f64::consts::TAU, (p.y / size.y - 0.5) * std::f64::consts::PI);
+    let line = |it: &DrawnLine| {
+        let again = it.points.first().filter(|_| it.closed);
+        it.points.iter().chain(again).map(place).collect()
+    };
+    Ok(drawing.lines.iter().map(line).collect())
+}
+
+/// Adds what `[cut]` names.
+fn places(config: &Config<'_>, file: &Path, soup: &Soup, scale: f64, out: &mut Guides) -> Result<(), InputError> {
+    let Some(table) = config.tables.get("cut") else { return Ok(()) };
     let keys = Keys::deserialize(toml::de::Deserializer::from(table.clone()));
     let keys = keys.map_err(|err| config.source.toml_error(&err))?;
-    let mut out = Guides::default();
     if let Some(path) = &keys.seams {
         let path = config.source.folder().join(path);
         let lines = read_drawn(&path).map_err(InputError::Seams)?.lines;
@@ -83,7 +127,7 @@ pub(super) fn load(config: &Config<'_>, file: &Path, soup: &Soup, scale: f64) ->
     let resize = |p: &mut Vec3| *p *= scale;
     out.seams.iter_mut().flatten().for_each(resize);
     out.patches.iter_mut().flat_map(|it| &mut it.triangles).flatten().for_each(resize);
-    Ok((out != Guides::default()).then_some(out))
+    Ok(())
 }
 
 /// The faces of the input in the order of the file; those of formats without names are its triangles.

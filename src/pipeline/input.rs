@@ -96,6 +96,14 @@ pub enum InputError {
     /// The file of drawn seams.
     #[error("cannot read the seams of cut.seams")]
     Seams(#[source] ImportError),
+    /// The lines to be engraved.
+    #[error("cannot read the lines of sphere.texture, {path}: {reason}")]
+    Texture {
+        /// The file.
+        path: String,
+        /// Why.
+        reason: String,
+    },
     /// The surface cannot be worked with.
     #[error("the mesh {path} is refused")]
     Refused {

@@ -4,7 +4,8 @@ use crate::{
     stages::{
         coarsen::stage::CoarsenStage, cut::stage::CutStage, develop::stage::Develop, flatten::stage::FlattenStage,
         layout::stage::LayoutStage, mill::stage::MillStage, nest::stage::NestStage, route::stage::RouteStage,
-        stripes::stage::StripesStage, strips::stage::StripsStage, unfold::stage::UnfoldStage,
+        sphere::stage::SphereStage, stripes::stage::StripesStage, strips::stage::StripsStage,
+        unfold::stage::UnfoldStage,
     },
 };
 
@@ -13,6 +14,7 @@ pub const STAGES: &[StageDef] = &[
     StageDef::of::<CoarsenStage>(),
     StageDef::of::<Develop>(),
     StageDef::of::<StripesStage>(),
+    StageDef::of::<SphereStage>(),
     StageDef::of::<CutStage>(),
     StageDef::of::<FlattenStage>(),
     StageDef::of::<StripsStage>(),
@@ -71,5 +73,13 @@ pub const RECIPES: &[Recipe] = &[
             ("cut", "min_neck", "min_neck = 0"),
         ],
         sample: "[stripes]\nfield = \"axis\"              # rings about an axis; or smoothest, curvature-most, boundary, guides\nspacing = \"10 mm\"\none_strip = true             # one strip from tip to tip, to be zipped up\n",
+    },
+    Recipe {
+        name: "sphere",
+        about: "cut a closed mesh without handles into gores from pole to pole, for globes, balls and balloons",
+        stages: &["sphere", "cut", "flatten", "layout", "nest", "route"],
+        of_blocks: &[],
+        defaults: &[],
+        sample: "[sphere]\ncount = 12                 # gores; they are halved where they stretch more than the material\ngraticule = 15             # degrees between engraved parallels and meridians; 0 for none\n",
     },
 ];

@@ -12,6 +12,7 @@ use crate::{
     model::{Line, Part, Toolpath},
     profile::{Dialect, Head, Machine, Profiles},
     stage::Check,
+    stages::sphere::stage::certificate,
 };
 
 /// How far a drawing may be from the layout, mm.
@@ -68,6 +69,14 @@ pub(super) fn booklet(bytes: &[u8], steps: usize) -> Check {
     };
     let check = Check::at_least("files.assembly", value as f64, steps as f64, "pages", note);
     Check { ok: value == steps, ..check }
+}
+
+/// Whether a map to the sphere, read back, still covers it once without a flipped face, exactly.
+pub(super) fn certified(bytes: &[u8]) -> Check {
+    match import::mesh::parse(bytes, import::mesh::Format::Obj) {
+        Ok(soup) => certificate("files.sphere", &soup.faces, &soup.positions),
+        Err(error) => Check::at_most("files.sphere", f64::INFINITY, 0.0, "flipped faces", error.to_string()),
+    }
 }
 
 #[derive(Default)]

@@ -8,6 +8,7 @@ pub mod layout;
 pub mod mill;
 pub mod nest;
 pub mod route;
+pub mod sphere;
 pub mod stripes;
 pub mod strips;
 pub mod unfold;

@@ -2,7 +2,7 @@
 //! cuts tries by the hundred without building meshes.
 use crate::{
     geom::Vec2,
-    mesh::{EdgeId, FaceId, Field, HalfedgeId, TriMesh, VertexId},
+    mesh::{EdgeId, FaceId, Field, HalfedgeId, Id, TriMesh, VertexId},
 };
 
 const NONE: u32 = u32::MAX;
@@ -20,6 +20,9 @@ pub struct Metric {
     pub length: Field<HalfedgeId, f64>,
     /// Area of each face, mm².
     pub area: Field<FaceId, f64>,
+    /// Length that each halfedge should have in the plane where it lies on the boundary of a chart, mm: that in space unless
+    /// [`Metric::with_rim`] says otherwise.
+    pub rim: Field<HalfedgeId, f64>,
 }
 
 impl Metric {
@@ -40,7 +43,16 @@ impl Metric {
             }
             0.5 * double_area
         });
-        Self { angle, cotangent, length, area }
+        let rim = length.clone();
+        Self { angle, cotangent, length, area, rim }
+    }
+
+    /// The same where some halfedges, as boundaries of charts, should be so many times as long in the plane as in space.
+    pub fn with_rim(mut self, factors: &[(HalfedgeId, f64)]) -> Self {
+        for &(h, factor) in factors {
+            self.rim[h] = factor * self.length[h];
+        }
+        self
     }
 }
 
@@ -58,6 +70,16 @@ pub struct Chart {
     pub loops: Vec<Vec<(HalfedgeId, u32)>>,
     /// Whether a local vertex lies on a loop.
     pub on_boundary: Vec<bool>,
+}
+
+/// One chart per label below `count`, of the faces that have it, without cuts.
+pub fn labelled_charts<I: Id>(mesh: &TriMesh, labels: &Field<FaceId, I>, count: usize) -> Vec<Chart> {
+    let mut faces: Vec<Vec<FaceId>> = vec![Vec::new(); count];
+    for (f, label) in labels.enumerate() {
+        faces[label.index()].push(f);
+    }
+    let mut builder = ChartBuilder::new(mesh);
+    faces.into_iter().map(|it| builder.chart(it, &|_| false)).collect()
 }
 
 impl Chart {

@@ -207,15 +207,20 @@ impl<'a> Flattener<'a> {
         for (&v, u) in out.interior.iter().zip(u) {
             out.log_factor[v as usize] = u;
         }
+        // The rule is the isometric boundary; where other lengths are asked for, u is not 0 on it.
+        if chart.boundary_edges().any(|(h, ..)| metric.rim[h] != metric.length[h]) {
+            let lengths: Vec<f64> = chart.boundary_edges().map(|(h, ..)| metric.rim[h]).collect();
+            out.log_factor = out.with_lengths(&lengths, &[]).log_factor;
+        }
         Ok(out)
     }
 
-    /// Log conformal factor u per local vertex; 0 on the boundary.
+    /// Log conformal factor u per local vertex; 0 on the boundary unless [`Metric::rim`] asks for other lengths.
     pub fn log_factor(&self) -> &[f64] {
         &self.log_factor
     }
 
-    /// Exterior angles of the flat boundary with the isometric boundary, k̃ = k + (A u)_B, per local vertex (0 in the
+    /// Exterior angles of the flat boundary, k̃ = k + (A u)_B, per local vertex (0 in the
     /// interior). On a disk they sum to 2π.
     pub fn exterior_angles(&self) -> Vec<f64> {
         self.exterior_angles_of(&self.log_factor)
@@ -250,7 +255,7 @@ impl<'a> Flattener<'a> {
         }
     }
 
-    /// Plane coordinates per local vertex with the isometric boundary, mm: the best-fit closed curve with the new exterior
+    /// Plane coordinates per local vertex with the boundary lengths of [`Metric::rim`], mm: the best-fit closed curve with the new exterior
     /// angles (lengths changed least in the sense of Σ (l̃ − l)² / l, section 5.3), then both coordinates extended
     /// harmonically.
     pub fn flatten(&self) -> Result<Vec<Vec2>, FlattenError> {
@@ -258,7 +263,7 @@ impl<'a> Flattener<'a> {
         let exterior = self.exterior_angles();
         let path = &self.chart.loops[0];
         let corners: Vec<(u32, f64)> = path.iter().map(|&(_, v)| (v, exterior[v as usize])).collect();
-        let lengths: Vec<f64> = path.iter().map(|&(h, _)| self.metric.length[h]).collect();
+        let lengths: Vec<f64> = path.iter().map(|&(h, _)| self.metric.rim[h]).collect();
         let groups: Vec<usize> = (0..path.len()).collect();
         let mut uv = self.closed_curve(self.chart, &corners, &lengths, &groups)?;
         self.extend(&mut uv);

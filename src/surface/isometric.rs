@@ -61,7 +61,7 @@ pub struct Isometry<'a> {
 }
 
 impl<'a> Isometry<'a> {
-    /// For one chart; boundary edges should keep their length.
+    /// For one chart; boundary edges should get the length of [`Metric::rim`].
     pub fn new(metric: &'a Metric, chart: &'a Chart) -> Self {
         let gradients = (0..chart.faces.len())
             .map(|k| {
@@ -75,13 +75,19 @@ impl<'a> Isometry<'a> {
             })
             .collect();
         let total_area = chart.faces.iter().map(|&f| metric.area[f]).sum();
-        let rim = chart.boundary_edges().map(|(h, i, j)| (i, j, metric.length[h])).collect();
+        let rim = chart.boundary_edges().map(|(h, i, j)| (i, j, metric.rim[h])).collect();
         Self { metric, chart, gradients, total_area, rim }
     }
 
     /// The same where boundary edges should have other lengths, mm, loop after loop.
     pub fn with_boundary_lengths(mut self, lengths: &[f64]) -> Self {
         self.rim.iter_mut().zip(lengths).for_each(|(edge, &length)| edge.2 = length);
+        self
+    }
+
+    /// The same where boundary edges may have any length.
+    pub fn with_free_boundary(mut self) -> Self {
+        self.rim.clear();
         self
     }
 
@@ -145,6 +151,19 @@ impl<'a> Isometry<'a> {
             out.boundary = out.boundary.max(ratio.ln().abs());
         }
         out
+    }
+
+    /// Changes `uv` to where the stretch is evened out, `stretch` or less as far as that goes; nothing where a triangle is
+    /// flipped.
+    pub fn relax(&self, uv: &mut Vec<Vec2>, stretch: f64) {
+        if self.excess(uv, stretch).flipped > 0 {
+            return;
+        }
+        let Some(mut newton) = Newton::new(self, uv, stretch) else { return };
+        for (exponent, _) in SCHEDULE {
+            newton.exponent = exponent;
+            newton.step(uv);
+        }
     }
 
     /// Changes `uv` until at most a share `allowed` of the area exceeds the limit `stretch`, or as far as it goes.

@@ -18,6 +18,7 @@ mod harmonic;
 mod hierarchy;
 mod locate;
 mod poles;
+mod refine;
 mod relax;
 mod surface;
 mod tessellate;
@@ -25,8 +26,9 @@ mod tessellate;
 mod tests;
 
 pub use certify::{Certificate, certify};
-pub use locate::{Locator, Spot, Stretch};
+pub use locate::{Locator, Stretch};
 pub use poles::{extremes, with_poles};
+pub use refine::Net;
 pub use tessellate::{Pattern, TessellateError, pull_back};
 
 use self::surface::Surface;
@@ -100,7 +102,7 @@ pub enum SphereError {
     },
     /// Open edges.
     #[error(
-        "a sphere map needs a closed surface, but this one has {loops} open edges, one of {edges} edges near ({:.3}, {:.3}, {:.3}); close the holes with input.fill_holes = {edges} or in a modelling program", place.x, place.y, place.z
+        "a sphere map needs a closed surface, but this one has {loops} holes, one of {edges} edges near ({:.3}, {:.3}, {:.3}); close the holes with input.fill_holes = {edges} or in a modelling program", place.x, place.y, place.z
     )]
     Boundary {
         /// Boundary loops.

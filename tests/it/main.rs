@@ -19,6 +19,7 @@ mod ports;
 mod registry;
 mod send;
 mod sheets;
+mod sphere;
 mod streamed;
 mod stripes;
 mod strips;

@@ -11,7 +11,10 @@ mod tolerance;
 
 use crate::{
     geom::Vec3,
-    mesh::{Bvh, FaceId, MeshError, TriMesh, distance},
+    mesh::{
+        Bvh, FaceId, MeshError, TriMesh,
+        distance::{self, SurfaceDistance},
+    },
     numeric::{Cancelled, Monitor},
     surface::sphere_map::{
         Locator, Method, Pattern, SphereError, TessellateError, extremes, pull_back, sphere_map, with_poles,
@@ -63,6 +66,8 @@ pub struct TessellationOptions {
     pub axes: [Vec3; 2],
     /// Whether the pattern is evened out on the surface.
     pub compensate: bool,
+    /// Edges are divided until the surface is no farther away than this, mm.
+    pub max_error: f64,
 }
 
 /// Why coarsening failed.
@@ -130,11 +135,26 @@ pub fn tessellate(source: &TriMesh, options: &TessellationOptions, monitor: &Mon
     let [top, front] = options.axes;
     let points = with_poles(source, &map.points, extremes(source, top), front);
     let locator = Locator::new(source, &points);
-    pull_back(&locator, options.pattern, options.compensate, monitor).map_err(|err| match err {
+    let mut net = pull_back(&locator, options.pattern, options.compensate, monitor).map_err(|err| match err {
         TessellateError::Sphere(err) => refused(err),
         TessellateError::Mesh(err) => CoarsenError::Mesh(err),
-    })
+    })?;
+    // Places between the middles of edges and faces may lie farther off than these, so the distance is measured and asked again.
+    let mut distance = options.max_error;
+    for _ in 0..ATTEMPTS {
+        let made = net.mesh()?;
+        if SurfaceDistance::between(source, &made).hausdorff <= options.max_error {
+            return Ok(made);
+        }
+        net.refine(distance, monitor).map_err(refused)?;
+        distance *= CLOSER;
+    }
+    Ok(net.mesh()?)
 }
+
+/// Attempts at keeping a tessellation within its distance, each with less by this factor at the middles of edges.
+const ATTEMPTS: usize = 6;
+const CLOSER: f64 = 0.7;
 
 fn refused(err: SphereError) -> CoarsenError {
     match err {

@@ -31,6 +31,8 @@ const BAD_ANGLE: f64 = 8.0;
 const BAD_SHARE: f64 = 0.02;
 /// Distance from the source that isotropic remeshing keeps to when the table does not say, percent of the diagonal.
 const REMESH_ERROR: f64 = 0.4;
+/// Distance from the source to which tessellations are refined when the table does not say, percent of the diagonal.
+const TESSELLATION_ERROR: f64 = 1.0;
 /// Share by which the proven distance may exceed the true one.
 const RESOLUTION: f64 = 0.01;
 
@@ -45,7 +47,7 @@ pub struct CoarsenStage {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub faces: Option<usize>,
     /// Largest distance from the input, either way: a length, or percent of the input's diagonal. "quadric" proves it and
-    /// stops there; "isotropic" makes more faces for it where needed, 0.4 % if not given.
+    /// stops there; "isotropic" makes more faces for it where needed, 0.4 % if not given; "sphere" likewise, 1 %.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_error: Option<Extent>,
     /// Length of edges, instead of `faces`. For "isotropic" only.
@@ -173,6 +175,7 @@ impl CoarsenStage {
                     pattern: self.tessellation.pattern(self.faces.unwrap_or(FACES), self.grid),
                     axes: [pole, across],
                     compensate: self.compensate,
+                    max_error: extent(self.max_error.unwrap_or(Extent::Percent(TESSELLATION_ERROR))),
                 })
             }
             Method::Isotropic => isotropic(self.faces.unwrap_or(FACES)),
@@ -201,7 +204,7 @@ fn bad_share(mesh: &TriMesh) -> f64 {
 
 impl Stage for CoarsenStage {
     const NAME: &'static str = "coarsen";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     type Input = SourceMesh;
     type Output = TriMesh;
     type Profile = ();

@@ -27,7 +27,7 @@ pub use obstacle::{Obstacle, obstacle};
 
 use crate::{
     geom::Vec3,
-    mesh::{EdgeId, FaceId, Field, Id, MeshError, TriMesh},
+    mesh::{EdgeId, FaceId, Field, HalfedgeId, Id, MeshError, TriMesh},
     model::{CutMesh, DevelopableMesh, Piece, PieceId, Seam},
     numeric::{Cancelled, Monitor},
     surface::{flatten::FlattenError, opening},
@@ -81,6 +81,8 @@ pub struct Options {
     pub avoid: Vec<Region>,
     /// Edges that are seams whatever it costs, ascending.
     pub seams: Vec<EdgeId>,
+    /// Seams that should be so many times as long in the plane as in space; the others keep their length.
+    pub scales: Vec<(EdgeId, f64)>,
     /// Width and height that a flat piece must fit into in some rotation, mm; `None`: any size.
     pub sheet: Option<[f64; 2]>,
 }
@@ -107,6 +109,12 @@ pub fn cut(input: &DevelopableMesh, options: &Options, monitor: &Monitor) -> Res
     open(mesh, &found.cut, options, found.terminals)
 }
 
+/// Both halfedges of edges, with the factor of the edge.
+fn rim(mesh: &TriMesh, scales: &[(EdgeId, f64)]) -> Vec<(HalfedgeId, f64)> {
+    let sides = |e: EdgeId| [Some(mesh.halfedge(e)), mesh.twin(mesh.halfedge(e))].into_iter().flatten();
+    scales.iter().flat_map(|&(e, factor)| sides(e).map(move |h| (h, factor))).collect()
+}
+
 /// The cut mesh of a set of cut edges, its pieces named and its seams labelled.
 fn open(
     mesh: &TriMesh,
@@ -125,5 +133,6 @@ fn open(
         tolerance: options.tolerance.unwrap_or(f64::INFINITY),
         seam_vertices,
         stretch: options.stretch,
+        rim: rim(mesh, &options.scales),
     })
 }

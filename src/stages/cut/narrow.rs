@@ -3,10 +3,10 @@ use rayon::prelude::*;
 
 use crate::{
     geom::{Vec3, neck::necks, polygon::strip_width},
-    mesh::{FaceId, Field, Id},
+    mesh::Id,
     model::{CutMesh, PieceId},
     surface::{
-        chart::{Chart, ChartBuilder, Metric},
+        chart::{Chart, ChartBuilder, Metric, labelled_charts},
         flatten::{Limit, flatten_domain},
     },
 };
@@ -29,11 +29,8 @@ pub struct NarrowNeck {
 /// cannot be laid flat have none.
 pub fn narrow(cut: &CutMesh, width: f64, weld: f64) -> (Vec<NarrowNeck>, Vec<PieceId>) {
     let mesh = &cut.mesh;
-    let metric = Metric::new(mesh);
-    let mut faces = Field::<PieceId, Vec<FaceId>>::filled(cut.pieces.len(), Vec::new());
-    mesh.faces().for_each(|f| faces[cut.piece_of[f]].push(f));
-    let mut builder = ChartBuilder::new(mesh);
-    let charts: Vec<Chart> = faces.iter().map(|it| builder.chart(it.clone(), &|_| false)).collect();
+    let metric = Metric::new(mesh).with_rim(&cut.rim);
+    let charts = labelled_charts(mesh, &cut.piece_of, cut.pieces.len());
     let is_strip = |chart: &Chart| {
         let area = chart.faces.iter().map(|&f| metric.area[f]).sum();
         strip_width(area, chart.boundary_edges().map(|(h, ..)| metric.length[h]).sum()) < width

@@ -31,7 +31,7 @@ pub struct Obstacle {
 /// the two would be a disk.
 pub fn obstacle(mesh: &TriMesh, cut: &CutMesh) -> Result<Option<Obstacle>, CutError> {
     let piece = PieceId::new(cut.pieces.len() - 1);
-    let metric = Metric::new(mesh);
+    let metric = Metric::new(mesh).with_rim(&cut.rim);
     let mut builder = ChartBuilder::new(mesh);
     let mut open = Field::<EdgeId, bool>::filled(mesh.edge_count(), false);
     let edges = |seam: usize| cut.seams[seam].sides[0].iter().map(|&h| mesh.edge(h));

@@ -1,5 +1,7 @@
 //! The search for cuts: what is cut so far, the pieces that makes, and how they get better.
-use super::{CutError, Options, Region, divide::dividing_path, join::Failures, piece::Piece, relieve::relieving_cuts};
+use super::{
+    CutError, Options, Region, divide::dividing_path, join::Failures, piece::Piece, relieve::relieving_cuts, rim,
+};
 use crate::{
     mesh::{EdgeId, FaceId, Field, TriMesh, VertexId, operators::angle_defects},
     numeric::Monitor,
@@ -88,7 +90,7 @@ pub(super) fn search(
     options: &Options,
     monitor: &Monitor,
 ) -> Result<Found, CutError> {
-    let metric = Metric::new(mesh);
+    let metric = Metric::new(mesh).with_rim(&rim(mesh, &options.scales));
     let curvature = angle_defects(mesh);
     let must_cut = must_cut(mesh, &metric, &curvature, CERTAIN * options.stretch);
     let terminals: Vec<VertexId> = mesh.vertices().filter(|&v| must_cut[v] || is_terminal(v)).collect();

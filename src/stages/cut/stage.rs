@@ -197,17 +197,24 @@ fn drawn(guides: Option<&Guides>) -> Option<&Vec<Vec<Vec3>>> {
     guides.map(|it| &it.seams).filter(|it| !it.is_empty())
 }
 
+/// The edges that an earlier stage named as seams, each with its factor of length.
+fn named(mesh: &TriMesh, guides: Option<&Guides>) -> Vec<(EdgeId, f64)> {
+    let Some(guides) = guides else { return Vec::new() };
+    let vertex = |v: u32| (v as usize) < mesh.vertex_count();
+    let scales = guides.scales.iter().copied().chain(std::iter::repeat(1.0));
+    let known = guides.edges.iter().zip(scales).filter(|it| it.0.iter().all(|&v| vertex(v)));
+    let inner = known.filter_map(|(&[a, b], scale)| {
+        let [a, b] = [VertexId(a), VertexId(b)];
+        let e = mesh.edge(mesh.find_halfedge(a, b).or_else(|| mesh.find_halfedge(b, a))?);
+        (!mesh.is_boundary_edge(e)).then_some((e, scale))
+    });
+    inner.collect()
+}
+
 /// The edges that must be seams: those along the lines that the user drew, and those that an earlier stage named.
 fn seams(mesh: &TriMesh, guides: Option<&Guides>) -> Vec<EdgeId> {
     let mut edges = drawn(guides).map_or_else(Vec::new, |lines| trace(mesh, lines).edges);
-    let vertex = |v: u32| (v as usize) < mesh.vertex_count();
-    let named = guides.iter().flat_map(|it| &it.edges).filter(|ends| ends.iter().all(|&v| vertex(v)));
-    let inner = named.filter_map(|&[a, b]| {
-        let [a, b] = [VertexId(a), VertexId(b)];
-        let e = mesh.edge(mesh.find_halfedge(a, b).or_else(|| mesh.find_halfedge(b, a))?);
-        (!mesh.is_boundary_edge(e)).then_some(e)
-    });
-    edges.extend(inner);
+    edges.extend(named(mesh, guides).into_iter().map(|it| it.0));
     edges.sort_unstable();
     edges.dedup();
     edges
@@ -271,7 +278,7 @@ impl CutStage {
 
 impl Stage for CutStage {
     const NAME: &'static str = "cut";
-    const VERSION: u32 = 9;
+    const VERSION: u32 = 10;
     type Input = (DevelopableMesh, SourceMesh, Option<Guides>);
     type Output = CutMesh;
     type Profile = Stock;
@@ -329,6 +336,7 @@ impl Stage for CutStage {
             prefer: regions("prefer", &self.prefer),
             avoid: regions("avoid", &self.avoid),
             seams: seams(&developed.mesh, guides),
+            scales: named(&developed.mesh, guides).into_iter().filter(|it| it.1 != 1.0).collect(),
             sheet: self.fit_sheet.then_some(stock.room),
         };
         if stock.offset == 0.0 {

@@ -1,9 +1,11 @@
 //! Lays every piece flat at its true size and measures how well: stretch, flips, overlaps, seams.
+mod mirror;
 mod outline;
 mod ribbon;
 mod sewing;
 pub mod stage;
 
+pub use mirror::mirrored;
 pub use ribbon::{Ribbon, ribbons};
 
 use std::collections::BTreeSet;
@@ -16,7 +18,7 @@ use crate::{
     model::{CutMesh, Flattening, Overlap, PieceId},
     numeric::{Cancelled, Monitor},
     surface::{
-        chart::{Chart, ChartBuilder, Metric},
+        chart::{Chart, ChartBuilder, Metric, labelled_charts},
         distortion::Distortion,
         flatten::{self, FlatDomain, Limit, flatten_domain},
         overlap::overlapping_triangles,
@@ -73,14 +75,9 @@ pub enum FlattenError {
 /// Flattens every piece as `options` say, polished to the stretch that it was cut for ([`flatten_domain`]), each in a frame
 /// of its own, makes seams fit, and finds the pairs of faces that overlap.
 pub fn flatten(cut: &CutMesh, options: &Options, monitor: &Monitor) -> Result<Flattening, FlattenError> {
-    let metric = Metric::new(&cut.mesh);
+    let metric = Metric::new(&cut.mesh).with_rim(&cut.rim);
     let limit = Limit::new(cut.stretch);
-    let mut faces: Vec<Vec<FaceId>> = vec![Vec::new(); cut.pieces.len()];
-    for (f, piece) in cut.piece_of.enumerate() {
-        faces[piece.index()].push(f);
-    }
-    let mut builder = ChartBuilder::new(&cut.mesh);
-    let charts: Vec<Chart> = faces.into_iter().map(|it| builder.chart(it, &|_| false)).collect();
+    let charts = labelled_charts(&cut.mesh, &cut.piece_of, cut.pieces.len());
     let sides = || cut.seams.iter().flat_map(|it| it.sides.iter().flatten().copied());
     let sewn: BTreeSet<HalfedgeId> = if options.hem == 1.0 { BTreeSet::new() } else { sides().collect() };
     let done = std::sync::atomic::AtomicUsize::new(0);

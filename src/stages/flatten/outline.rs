@@ -8,19 +8,19 @@ use crate::{
     },
 };
 
-/// Every edge as long as in space, polished.
+/// Every boundary edge as long as it should be, polished.
 pub(super) fn isometric(metric: &Metric, chart: &Chart, limit: Limit) -> Result<FlatDomain, FlattenError> {
     Ok(polished(metric, chart, Flattener::new(metric, chart)?.flatten()?, limit))
 }
 
-/// Every boundary edge `scale` times as long as in space, polished.
+/// Every boundary edge `scale` times as long as it should be, polished.
 pub(super) fn with_scales(
     metric: &Metric,
     chart: &Chart,
     scale: &impl Fn(&HalfedgeId) -> f64,
     limit: Limit,
 ) -> Result<FlatDomain, FlattenError> {
-    let lengths: Vec<f64> = chart.boundary_edges().map(|(h, ..)| metric.length[h] * scale(&h)).collect();
+    let lengths: Vec<f64> = chart.boundary_edges().map(|(h, ..)| metric.rim[h] * scale(&h)).collect();
     let flattener = Flattener::new(metric, chart)?;
     let uv = flattener.lay_out(&flattener.with_lengths(&lengths, &[]))?;
     let isometry = Isometry::new(metric, chart).with_boundary_lengths(&lengths);

@@ -2,7 +2,9 @@
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::{FlattenError, MISMATCH, Options, Outline, Quality, SeamLengths, flatten, quality, ribbons, seam_lengths};
+use super::{
+    FlattenError, MISMATCH, Options, Outline, Quality, SeamLengths, flatten, mirrored, quality, ribbons, seam_lengths,
+};
 use crate::{
     mesh::{FaceId, TriMesh},
     model::{CutMesh, Flattening, PieceId, Stripes},
@@ -81,6 +83,8 @@ impl Stage for FlattenStage {
                 })
             })
             .collect();
+        let pairs: Vec<[&str; 2]> =
+            mirrored(cut, flat).into_iter().map(|pair| pair.map(|id| cut.pieces[id].name.as_str())).collect();
         let overlap_area: f64 = flat.overlaps.iter().map(|it| it.area).sum();
         let table = json!({
             "max_abs_log_scale": quality.max_log_scale.0,
@@ -97,6 +101,7 @@ impl Stage for FlattenStage {
             "overlap_area_mm2": overlap_area,
             "stretch_limit": flat.stretch_limit,
             "pieces": pieces,
+            "mirrored_pairs": pairs,
         });
         let seam_table = json!({
             "count": seams.len(),

@@ -105,6 +105,7 @@ fn cut_apart(
         tolerance: 0.0,
         seam_vertices: 0,
         stretch: 0.0,
+        rim: vec![],
     };
     let n = cut.mesh.vertex_count();
     let flat =

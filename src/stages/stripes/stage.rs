@@ -179,7 +179,7 @@ impl StripesStage {
 
 impl Stage for StripesStage {
     const NAME: &'static str = "stripes";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     type Input = (TriMesh, crate::model::SourceMesh, Option<DevelopableMesh>, Option<Guides>);
     type Output = (DevelopableMesh, Guides, Stripes);
     type Profile = ();

@@ -35,13 +35,10 @@ use rayon::prelude::*;
 
 use crate::{
     geom::{Vec2, polyline::simplify},
-    mesh::{FaceId, Field, Id, VertexId},
+    mesh::{Field, Id, VertexId},
     model::{Corner, CutMesh, Flattening, Misfit, Panel, PanelKind, PieceId, Ruled, Ruling, Strips},
     numeric::{Cancelled, Monitor},
-    surface::{
-        chart::{Chart, ChartBuilder},
-        rulings,
-    },
+    surface::{chart::labelled_charts, rulings},
 };
 use border::Border;
 use chord::{Chord, Form};
@@ -109,7 +106,7 @@ struct Solved {
 /// Fills every piece with rulings.
 pub fn strips(cut: &CutMesh, flat: &Flattening, options: &Options, monitor: &Monitor) -> Result<Strips, StripsError> {
     flat.fits(cut)?;
-    let charts = charts(cut);
+    let charts = labelled_charts(&cut.mesh, &cut.piece_of, cut.pieces.len());
     let divisions = sampling::divisions(cut, &charts);
     let patches: Vec<Patch> = charts.iter().map(|it| sampling::sampled(cut, flat, it, &divisions)).collect();
     let made = |tolerance: f64| -> Result<Vec<Solved>, Cancelled> {
@@ -178,15 +175,6 @@ fn directions(cut: &CutMesh, flat: &Flattening) -> Field<VertexId, Vec2> {
     }
     let smooth = rulings::smoothed(mesh, &rulings::directions(mesh, &flat.uv), &own);
     Field::from_vec(smooth.iter().map(|it| it.doubled).collect())
-}
-
-fn charts(cut: &CutMesh) -> Vec<Chart> {
-    let mut faces: Vec<Vec<FaceId>> = vec![Vec::new(); cut.pieces.len()];
-    for (f, piece) in cut.piece_of.enumerate() {
-        faces[piece.index()].push(f);
-    }
-    let mut builder = ChartBuilder::new(&cut.mesh);
-    faces.into_iter().map(|it| builder.chart(it, &|_| false)).collect()
 }
 
 fn solve(piece: PieceId, mut patch: Patch, terms: &Terms, monitor: &Monitor) -> Result<Solved, Cancelled> {

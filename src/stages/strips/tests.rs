@@ -26,6 +26,7 @@ pub(super) fn one_piece((mesh, uv): (TriMesh, Vec<Vec2>)) -> (CutMesh, Flattenin
         tolerance: 0.0,
         seam_vertices: 0,
         stretch: 0.005,
+        rim: vec![],
         mesh,
     };
     let log_factor = Field::filled(n, 0.0);

@@ -156,6 +156,7 @@ fn open(mesh: &TriMesh, tiles: &Tiles, forest: &Forest) -> Result<(CutMesh, Flat
         tolerance: f64::INFINITY,
         seam_vertices: 0,
         stretch: ISOMETRY,
+        rim: Vec::new(),
         mesh: opening.mesh,
     };
     let mut flat =

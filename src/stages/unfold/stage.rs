@@ -64,7 +64,7 @@ pub struct Stock {
 
 impl Stage for UnfoldStage {
     const NAME: &'static str = "unfold";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     const DRAWS: bool = true;
     type Input = TriMesh;
     type Output = (CutMesh, Flattening);

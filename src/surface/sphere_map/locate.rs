@@ -2,28 +2,13 @@
 use super::certify::is_positive;
 use crate::{
     geom::Vec3,
-    mesh::{FaceId, TriMesh},
+    mesh::{FaceId, TriMesh, distance::SurfacePoint},
 };
 
 /// Halvings of a stretch between faces that are not neighbours; a stretch that is shorter still is left out.
 const HALVINGS: u32 = 40;
-
-/// A place in a face by its barycentric coordinates.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Spot {
-    /// The face.
-    pub face: FaceId,
-    /// Not negative, sum 1.
-    pub weights: [f64; 3],
-}
-
-impl Spot {
-    /// Where it is on the surface, mm.
-    pub fn position(&self, mesh: &TriMesh) -> Vec3 {
-        let corners = mesh.face_positions(self.face);
-        corners[0] * self.weights[0] + corners[1] * self.weights[1] + corners[2] * self.weights[2]
-    }
-}
+/// Edges that the plane of a stretch misses by less than this on the unit sphere lie in it.
+const ALONG: f64 = 1e-9;
 
 /// A stretch of a line within one face.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,7 +53,7 @@ impl<'a> Locator<'a> {
     }
 
     /// The face that a direction lies in, searched by walking from `hint`, where it is quickest.
-    pub fn locate(&self, p: Vec3, hint: FaceId) -> Spot {
+    pub fn locate(&self, p: Vec3, hint: FaceId) -> SurfacePoint {
         let mut at = hint;
         let longest = 200 + 8 * (self.mesh.face_count() as f64).sqrt() as usize;
         for step in 0..longest {
@@ -89,7 +74,7 @@ impl<'a> Locator<'a> {
     }
 
     /// The same by looking at every face.
-    fn search(&self, p: Vec3) -> Spot {
+    fn search(&self, p: Vec3) -> SurfacePoint {
         let depth = |f: FaceId| {
             let [a, b, c] = self.corners(f);
             let least =
@@ -100,10 +85,10 @@ impl<'a> Locator<'a> {
         self.spot(best.unwrap_or(FaceId(0)), p)
     }
 
-    fn spot(&self, face: FaceId, p: Vec3) -> Spot {
+    fn spot(&self, face: FaceId, p: Vec3) -> SurfacePoint {
         let weights = self.weights(face, p).map(|it| if it.is_finite() { it.max(0.0) } else { 1.0 });
         let sum: f64 = weights.iter().sum();
-        Spot { face, weights: weights.map(|it| it / sum) }
+        SurfacePoint { face, barycentric: weights.map(|it| it / sum) }
     }
 
     /// A line on the sphere, given by points not farther apart than a right angle, as stretches within faces.
@@ -119,9 +104,9 @@ impl<'a> Locator<'a> {
         out
     }
 
-    fn join(&self, [p, q]: [Vec3; 2], [from, to]: [Spot; 2], halvings: u32, out: &mut Vec<Stretch>) {
+    fn join(&self, [p, q]: [Vec3; 2], [from, to]: [SurfacePoint; 2], halvings: u32, out: &mut Vec<Stretch>) {
         if from.face == to.face {
-            out.push(Stretch { face: from.face, ends: [from.weights, to.weights] });
+            out.push(Stretch { face: from.face, ends: [from.barycentric, to.barycentric] });
             return;
         }
         let shared = self
@@ -135,7 +120,15 @@ impl<'a> Locator<'a> {
             let normal = p.cross(&q);
             let [a, b] = [self.mesh.tail(h), self.mesh.head(h)];
             let [da, db] = [a, b].map(|v| normal.dot(&self.points[v.0 as usize]));
-            let share = da / (da - db);
+            let share = if da.abs().max(db.abs()) > ALONG * normal.norm() {
+                da / (da - db)
+            } else {
+                // The line runs along the edge: as far as it goes.
+                let weight =
+                    |v| self.mesh.face_vertices(to.face).iter().position(|&w| w == v).map(|k| to.barycentric[k]);
+                let [a, b] = [a, b].map(|v| weight(v).unwrap_or(0.0));
+                b / (a + b)
+            };
             if (0.0..=1.0).contains(&share) {
                 let cross = |f: FaceId| {
                     self.mesh.face_vertices(f).map(|v| {
@@ -148,8 +141,8 @@ impl<'a> Locator<'a> {
                         }
                     })
                 };
-                out.push(Stretch { face: from.face, ends: [from.weights, cross(from.face)] });
-                out.push(Stretch { face: to.face, ends: [cross(to.face), to.weights] });
+                out.push(Stretch { face: from.face, ends: [from.barycentric, cross(from.face)] });
+                out.push(Stretch { face: to.face, ends: [cross(to.face), to.barycentric] });
                 return;
             }
         }

@@ -1,13 +1,10 @@
 //! Semi-regular tessellations of the sphere, pulled back to a surface.
 use std::collections::BTreeMap;
 
-use super::{
-    SphereError,
-    locate::{Locator, Spot},
-};
+use super::{SphereError, locate::Locator, refine::Net};
 use crate::{
     geom::Vec3,
-    mesh::{FaceId, Id, MeshError, TriMesh, VertexId},
+    mesh::{FaceId, Id, MeshError, TriMesh, VertexId, distance::SurfacePoint},
     numeric::Monitor,
 };
 
@@ -175,15 +172,15 @@ const SWEEPS: usize = 80;
 /// The pattern on the surface behind `locator`. With `compensate` its points first move on the sphere to where their edges are
 /// more even on the surface: each goes to the mean of its neighbours weighted with the length of the edges on the surface, as
 /// far as no face of the pattern flips. Without, limbs get few faces, because a conformal map makes them small.
-pub fn pull_back(
-    locator: &Locator<'_>,
+pub fn pull_back<'a>(
+    locator: &'a Locator<'a>,
     pattern: Pattern,
     compensate: bool,
     monitor: &Monitor,
-) -> Result<TriMesh, TessellateError> {
+) -> Result<Net<'a>, TessellateError> {
     let (mut points, faces) = pattern.mesh();
     let mut hint = FaceId(0);
-    let mut spots: Vec<Spot> = Vec::with_capacity(points.len());
+    let mut spots: Vec<SurfacePoint> = Vec::with_capacity(points.len());
     for &p in &points {
         spots.push(locator.locate(p, hint));
         hint = spots[spots.len() - 1].face;
@@ -210,5 +207,5 @@ pub fn pull_back(
             }
         }
     }
-    Ok(TriMesh::new(places, &faces)?)
+    Ok(Net::new(locator, &faces, points, spots)?)
 }

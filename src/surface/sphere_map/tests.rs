@@ -1,7 +1,11 @@
 //! Laws of the sphere map.
 use super::*;
 use crate::{
-    mesh::{MeshError, shapes},
+    mesh::{
+        MeshError,
+        distance::{SurfaceDistance, SurfacePoint},
+        shapes,
+    },
     numeric::random::Random,
     surface::{edit::EditMesh, subdivide},
 };
@@ -162,7 +166,7 @@ fn tessellations_are_spheres_and_come_back_to_the_surface() {
         assert_eq!(faces.len(), pattern.faces());
         assert!(certify(&faces, &points).holds(), "{pattern:?}");
         let spread = |compensate: bool| {
-            let pulled = pull_back(&locator, pattern, compensate, &Monitor::silent()).unwrap();
+            let pulled = pull_back(&locator, pattern, compensate, &Monitor::silent()).unwrap().mesh().unwrap();
             assert_eq!((pulled.genus(), pulled.face_count(), pulled.boundary_loops().len()), (0, faces.len(), 0));
             let bvh = crate::mesh::Bvh::new(&mesh);
             assert!(pulled.positions().iter().all(|&p| bvh.closest(p).distance < 1e-9));
@@ -191,10 +195,28 @@ fn poles_go_where_they_are_chosen_and_lines_come_back_whole() {
         })
         .collect();
     let found = locator.trace(&equator);
-    let place = |it: &Stretch, end: usize| Spot { face: it.face, weights: it.ends[end] }.position(&mesh);
+    let place = |it: &Stretch, end: usize| SurfacePoint { face: it.face, barycentric: it.ends[end] }.position(&mesh);
     for pair in found.windows(2) {
         assert!((place(&pair[0], 1) - place(&pair[1], 0)).norm() < 1e-9, "the line does not break");
     }
     let length: f64 = found.iter().map(|it| (place(it, 1) - place(it, 0)).norm()).sum();
     assert!((62.0..75.0).contains(&length), "about 2 π 10: {length}");
+}
+
+#[test]
+fn refined_tessellations_come_close_to_limbs() {
+    // A limb that the coarse pattern passes over.
+    let limb = |p: Vec3| p * (1.0 + 4.0 * (-60.0 * (p / 10.0 - Vec3::new(0.6, 0.0, 0.8)).norm_squared()).exp());
+    let mesh = with(&shapes::icosphere(10.0, 5), limb).unwrap();
+    let map = sphere_map(&mesh, Method::Auto, &Monitor::silent()).unwrap();
+    let locator = Locator::new(&mesh, map.points.as_slice());
+    let mut net = pull_back(&locator, Pattern::Icosahedron(4), false, &Monitor::silent()).unwrap();
+    let far = |net: &Net| SurfaceDistance::between(&mesh, &net.mesh().unwrap()).hausdorff;
+    let before = (far(&net), net.mesh().unwrap().face_count());
+    assert!(before.0 > 3.0, "{before:?}");
+    net.refine(0.6, &Monitor::silent()).unwrap();
+    let (after, made) = (far(&net), net.mesh().unwrap());
+    assert!(after < 1.2, "{before:?} {after}");
+    assert_eq!((made.genus(), made.components().1), (0, 1));
+    assert!((before.1 + 1..6 * before.1).contains(&made.face_count()), "{}", made.face_count());
 }
