@@ -20,5 +20,5 @@ pub use shape::{
     CutMesh, DevelopableMesh, Flattening, Guides, Misfit, Overlap, Patch, Piece, PieceId, Round, Seam, SourceMesh,
     Tradeoff,
 };
-pub use stripes::{StripeEnd, StripeLine, Stripes};
+pub use stripes::{StripeEnd, StripeLine, Stripes, Web};
 pub use strips::{Corner, Panel, PanelKind, Ruled, Ruling, Strips};

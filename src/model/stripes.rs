@@ -1,7 +1,7 @@
 //! Stripes on a surface: lines that run at a spacing along a field.
 use crate::{geom::Vec3, mesh::FaceId};
 
-/// One line.
+/// One line. An open one runs from where it begins (index > 0) to where it ends, unless it was to start elsewhere.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct StripeLine {
     /// Its points, mm; a closed line does not repeat the first.
@@ -35,6 +35,24 @@ pub struct StripeEnd {
     pub index: i32,
 }
 
+/// How lines hang together, where those that end in one face or at one boundary loop are joined there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+pub struct Web {
+    /// Closed ways along them; on a surface of genus 0 each parts it.
+    pub cycles: usize,
+    /// Connected sets of lines, less one: cuts across that open what is left to a disk.
+    pub gaps: usize,
+    /// Lines that meet beyond two, summed: ways along them that branch off.
+    pub branches: usize,
+}
+
+impl Web {
+    /// Whether the lines are one path. What they leave of a surface of genus 0 is then one disk, and the path its zipper.
+    pub fn is_path(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
 /// The stripes of a job, on the mesh that reached the stage.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Stripes {
@@ -52,6 +70,10 @@ pub struct Stripes {
     pub found: Vec<StripeEnd>,
     /// Windings of the boundary loops (lines that leave through each, with a sign) and around the handles.
     pub windings: [Vec<i32>; 2],
+    /// How the lines hang together.
+    pub web: Web,
+    /// Parts into which they divide the surface; 0 where it is not cut along them.
+    pub parts: usize,
     /// Singular faces of the field itself.
     pub field_singularities: usize,
     /// Largest distance of the periods around faces, loops and handles from a multiple of 2π, radians.

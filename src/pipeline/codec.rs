@@ -11,7 +11,7 @@ use crate::{
         Artifact, Bend, Corner, CutMesh, DevelopableMesh, Flattening, Globe, Guides, Joints, Kind, Mark, MillMove,
         Milling, Noun, Opening, Operation, Overlap, Panel, PanelKind, Part, Parts, Patch, Piece, PieceId, Placement,
         Round, Ruled, Ruling, Seam, Setup, Sheet, SheetPaths, Sheets, SourceMesh, StripeEnd, StripeLine, Stripes,
-        Strips, Toolpath, Toolpaths, Tradeoff, with_nouns,
+        Strips, Toolpath, Toolpaths, Tradeoff, Web, with_nouns,
     },
 };
 
@@ -268,8 +268,10 @@ records! {
     Strips { points, corners, panels, rulings, ruled, residual, directions, fold_angle, tolerance }
     StripeLine { points, closed, inner_ends, pieces }
     StripeEnd { face, place, index }
+    Web { cycles, gaps, branches }
     Stripes {
-        lines, drawn, faces, components, prescribed, found, windings, field_singularities, period_error, energy, spacing, seconds,
+        lines, drawn, faces, components, prescribed, found, windings, web, parts, field_singularities, period_error, energy, spacing,
+        seconds,
     }
     Mark { operation, points, closed }
     Part { name, contours, marks }

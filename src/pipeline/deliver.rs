@@ -238,6 +238,7 @@ fn subjects<'a>(store: &'a Store, line: &'a (dyn Fn(Operation) -> [u8; 3] + Sync
         developed: store.get(),
         cut: store.get(),
         strips: store.get(),
+        stripes: store.get(),
         sheets: store.get(),
         milling: store.get(),
         line,

@@ -72,7 +72,7 @@ pub const RECIPES: &[Recipe] = &[
             // Strips are narrow on purpose.
             ("cut", "min_neck", "min_neck = 0"),
         ],
-        sample: "[stripes]\nfield = \"axis\"              # rings about an axis; or smoothest, curvature-most, boundary, guides\nspacing = \"10 mm\"\none_strip = true             # one strip from tip to tip, to be zipped up\n",
+        sample: "[stripes]\nfield = \"distance\"          # rings about every limb; or axis, smoothest, curvature-most, boundary, guides\nspacing = \"10 mm\"\neven_steps = 10              # evens out the spacing\none_strip = true             # one strip from tip to tip, to be zipped up\n",
     },
     Recipe {
         name: "sphere",

@@ -32,6 +32,19 @@ pub enum Edges {
     All,
 }
 
+/// A line on the surface; of a single point it is a dot.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stroke {
+    /// Its points, mm.
+    pub points: Vec<Vec3>,
+    /// Whether the last joins the first.
+    pub closed: bool,
+    /// Colour, in any light.
+    pub color: Rgb,
+    /// Pixels.
+    pub width: f64,
+}
+
 /// How to draw a mesh.
 #[derive(Clone, Copy)]
 pub struct MeshStyle<'a> {
@@ -43,6 +56,8 @@ pub struct MeshStyle<'a> {
     pub face: &'a (dyn Fn(FaceId) -> Rgb + Sync),
     /// Edges.
     pub edges: Edges,
+    /// Lines on the surface, later ones over earlier ones.
+    pub strokes: &'a [Stroke],
     /// Up axis of the model.
     pub up: Up,
     /// Where the camera stands around the up axis, radians; 0 looks at the model from its front (+z, with y up).
@@ -59,6 +74,7 @@ impl Default for MeshStyle<'_> {
             height: 1000,
             face: &|_| [0xee, 0xe9, 0xe0],
             edges: Edges::ByAngle(0.35),
+            strokes: &[],
             up: Up::Y,
             azimuth: 0.6,
             elevation: 0.3,
@@ -113,11 +129,25 @@ pub fn scene(mesh: &TriMesh, style: &MeshStyle<'_>, points: &[Vec3]) -> Result<S
         let (ink, width) = line(mesh, edge, style.edges);
         if ink > 0.02 {
             let [a, b] = mesh.edge_vertices(edge).map(|v| view.points[v]);
-            canvas.line(a, b, ink, 0.5 * width * pixel, view.bias);
+            canvas.line([a, b], 0.5 * width * pixel, view.bias, |canvas, sample| {
+                canvas.ink[sample] = canvas.ink[sample].max(ink as f32);
+            });
         }
     }
     let mut seen = Field::filled(mesh.face_count(), 0);
     canvas.face.iter().filter(|&&it| it > 0).for_each(|&it| seen[FaceId(it - 1)] += 1);
+    for stroke in style.strokes {
+        let color = lights.len() as u32;
+        lights.push(stroke.color.map(decode));
+        let n = stroke.points.len();
+        let ends = if stroke.closed || n == 1 { n } else { n.saturating_sub(1) };
+        for i in 0..ends {
+            let ends = [stroke.points[i], stroke.points[(i + 1) % n]].map(|p| view.place(&p));
+            canvas.line(ends, 0.5 * stroke.width * pixel, view.bias, |canvas, sample| {
+                (canvas.face[sample], canvas.ink[sample]) = (color, 0.0);
+            });
+        }
+    }
     let place = |p: &Vec3| {
         let it = view.place(p);
         let (column, row) = (it.at.x as usize, it.at.y as usize);
@@ -226,7 +256,7 @@ struct Canvas {
     height: usize,
     /// Reciprocal of the depth of the nearest surface; 0 where there is none.
     inverse_depth: Vec<f32>,
-    /// What is nearest: 0 for nothing, else one more than the face.
+    /// What is nearest: 0 for nothing, else one more than the face, or beyond all faces a stroke.
     face: Vec<u32>,
     /// Share of ink.
     ink: Vec<f32>,
@@ -283,8 +313,8 @@ impl Canvas {
         }
     }
 
-    /// A round-ended line where it is not behind the surface by more than `bias`.
-    fn line(&mut self, a: Projected, b: Projected, ink: f64, radius: f64, bias: f64) {
+    /// Paints the samples of a round-ended line where it is not behind the surface by more than `bias`.
+    fn line(&mut self, [a, b]: [Projected; 2], radius: f64, bias: f64, paint: impl Fn(&mut Self, usize)) {
         let along = b.at - a.at;
         let length = along.norm_squared();
         let reach = Vec2::repeat(radius);
@@ -306,7 +336,7 @@ impl Canvas {
                 let depth = (a.inverse_depth + t * (b.inverse_depth - a.inverse_depth)) * (1.0 + bias);
                 let sample = row * self.width + column;
                 if depth as f32 >= self.inverse_depth[sample] {
-                    self.ink[sample] = self.ink[sample].max(ink as f32);
+                    paint(self, sample);
                 }
             }
         }
@@ -408,6 +438,34 @@ mod tests {
         // Those that divide its flat sides are not; where pieces of a line join, samples may round otherwise.
         assert!(changed(&drawn(4, Edges::ByAngle(0.35)), &drawn(1, Edges::ByAngle(0.35))) < 10);
         assert!(changed(&drawn(4, Edges::All), &drawn(1, Edges::All)) > bent, "unless all are asked for");
+    }
+
+    #[test]
+    fn strokes_show_in_their_colour_where_the_surface_does_not_hide_them() {
+        let sphere = shapes::icosphere(10.0, 4);
+        let ring = |y: f64, color| Stroke {
+            points: (0..60)
+                .map(|k| f64::from(k) * std::f64::consts::TAU / 60.0)
+                .map(|a| Vec3::new(10.0 * a.sin(), y, 10.0 * a.cos()))
+                .collect(),
+            closed: true,
+            color,
+            width: 3.0,
+        };
+        let dot = |z| Stroke { points: vec![Vec3::new(0.0, 0.0, z)], closed: false, color: [0, 0, 255], width: 9.0 };
+        let strokes = [ring(0.0, [255, 0, 0]), dot(10.0), dot(-10.0)];
+        let base = MeshStyle { width: 200, height: 200, edges: Edges::Boundary, ..MeshStyle::default() };
+        let style = MeshStyle { strokes: &strokes, azimuth: 0.0, elevation: 0.0, ..base };
+        let picture = picture(&sphere, &style);
+        let count = |color: Rgb| {
+            (0..200).flat_map(|x| (0..200).map(move |y| (x, y))).filter(|&(x, y)| rgb(&picture, x, y) == color).count()
+        };
+        // Seen edge on, the ring is a line as long as the disk is wide; of the two dots the far one is hidden.
+        let width = 200.0 * (1.0 - 2.0 * BORDER);
+        let (red, blue) = (count([255, 0, 0]) as f64, count([0, 0, 255]) as f64);
+        assert!((red / (2.0 * width) - 1.0).abs() < 0.3, "{red}");
+        let disk = std::f64::consts::PI * 4.5 * 4.5;
+        assert!((0.6..1.1).contains(&(blue / disk)), "{blue}");
     }
 
     #[test]

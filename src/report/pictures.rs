@@ -1,11 +1,11 @@
-//! Previews: the input, coarse, developed and cut mesh, its strips, the developed mesh after each round, and every sheet, as PNG; what
+//! Previews: the input, coarse, developed and cut mesh, its strips, the stripes on it from two sides, the developed mesh after each round, and every sheet, as PNG; what
 //! closeness costs, as SVG.
 use super::chart;
 use crate::{
     geom::{Vec2, Vec3},
     mesh::{FaceId, Id, TriMesh},
-    model::{CutMesh, DevelopableMesh, Milling, Operation, Sheets, SourceMesh, Strips},
-    render::{self, Edges, MeshStyle, RenderError, Rgb, SheetStyle, Up, palette},
+    model::{CutMesh, DevelopableMesh, Milling, Operation, Sheets, SourceMesh, StripeLine, Stripes, Strips},
+    render::{self, Edges, MeshStyle, RenderError, Rgb, SheetStyle, Stroke, Up, palette},
 };
 
 /// The nouns to draw; what is absent gets no picture.
@@ -21,6 +21,8 @@ pub struct Subjects<'a> {
     pub cut: Option<&'a CutMesh>,
     /// The strips.
     pub strips: Option<&'a Strips>,
+    /// The stripes.
+    pub stripes: Option<&'a Stripes>,
     /// The sheets.
     pub sheets: Option<&'a Sheets>,
     /// What was milled.
@@ -85,6 +87,13 @@ pub fn pictures<'a>(subjects: Subjects<'a>) -> Vec<Drawing<'a>> {
     if let Some(strips) = subjects.strips {
         out.push(("preview/strips.png".into(), Box::new(move || draw_strips(strips, base))));
     }
+    let under = subjects.developed.map(|it| &it.mesh).or(subjects.coarse);
+    if let (Some(stripes), Some(mesh)) = (subjects.stripes, under) {
+        for (name, turn) in [("stripes", 0.0), ("stripes-behind", std::f64::consts::PI)] {
+            let style = MeshStyle { edges: Edges::Boundary, azimuth: base.azimuth + turn, ..base };
+            out.push((format!("preview/{name}.png"), Box::new(move || draw_stripes(stripes, mesh, style))));
+        }
+    }
     if let Some(milling) = subjects.milling {
         out.push(("preview/mill.png".into(), Box::new(move || draw_milling(milling, base))));
     }
@@ -99,6 +108,30 @@ pub fn pictures<'a>(subjects: Subjects<'a>) -> Vec<Drawing<'a>> {
         out.push((format!("preview/sheet-{:02}.png", i + 1), Box::new(draw)));
     }
     out
+}
+
+/// Lines in the colour of their kind (open, closed), dots where a tool starts, where lines begin and where they end.
+fn draw_stripes(stripes: &Stripes, mesh: &TriMesh, base: MeshStyle<'_>) -> Result<Vec<u8>, RenderError> {
+    const OPEN: Rgb = [0x1f, 0x5f, 0xa8];
+    const CLOSED: Rgb = [0x4a, 0x4f, 0x58];
+    const START: Rgb = [0x2e, 0x9e, 0x4f];
+    const BEGIN: Rgb = [0xd1, 0x2b, 0x2b];
+    const END: Rgb = [0x11, 0x14, 0x18];
+    let line = |it: &StripeLine| Stroke {
+        points: it.points.clone(),
+        closed: it.closed,
+        color: if it.closed { CLOSED } else { OPEN },
+        width: 1.6,
+    };
+    let dot = |place: Vec3, color, width| Stroke { points: vec![place], closed: false, color, width };
+    let starts = stripes.lines.iter().filter_map(|it| Some(dot(*it.points.first()?, START, 6.0)));
+    let ends = stripes.found.iter().map(|it| {
+        // As wide as the number of lines.
+        let width = 8.0 + 3.0 * f64::from(it.index.unsigned_abs().saturating_sub(1));
+        dot(it.place, if it.index > 0 { BEGIN } else { END }, width)
+    });
+    let strokes: Vec<Stroke> = stripes.lines.iter().map(line).chain(starts).chain(ends).collect();
+    render::mesh(mesh, &MeshStyle { strokes: &strokes, ..base })
 }
 
 /// Panels with their outlines, a colour per strip, shade by their normals.

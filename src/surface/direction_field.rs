@@ -5,8 +5,10 @@
 //! minimises Σ w |u_j − r_ij^s u_i|² over edges at unit norm (Knöppel, Crane, Pinkall, Schröder 2013, with the
 //! edge-based connection Laplacian): the eigenvector of the least eigenvalue, found by Lanczos iterations
 //! with the inverse, of which the factor is made once.
+mod distance;
 mod trivial;
 
+pub use distance::{away_from, tips};
 pub use trivial::{TrivialError, trivial};
 
 use super::{tangent::TangentSpaces, tree_cotree::TreeCotree};

@@ -286,9 +286,9 @@ pub struct Parameterization<'a> {
     pub n: Field<EdgeId, i32>,
 }
 
-impl Parameterization<'_> {
+impl<'a> Parameterization<'a> {
     /// What it was solved with.
-    pub fn solver(&self) -> &Parameterizer {
+    pub fn solver(&self) -> &'a Parameterizer {
         self.solver
     }
 

@@ -42,6 +42,43 @@ fn a_ball_is_one_strip_that_can_be_zipped_up() {
 }
 
 #[test]
+fn a_figure_with_limbs_is_one_strip_with_one_zipper() {
+    let out = tempfile::tempdir().unwrap();
+    let mesh = fixture("figure.obj");
+    let mut args = vec![mesh.as_str(), "--to", "layout", "--threads", "1"];
+    let settings = [
+        "recipe=stripes",
+        "stripes.field=\"axis\"",
+        "stripes.spacing=12",
+        "stripes.even_steps=3",
+        "stripes.one_strip=true",
+        "cut.fit_sheet=false",
+        "cut.stretch=0.05",
+    ];
+    settings.iter().for_each(|it| args.extend(["--set", it]));
+    let report = job(out.path(), &args);
+    assert!(failed(&report).is_empty(), "{:?}", failed(&report));
+    let stripes = &report["stripes"];
+    for (key, count) in [("parts", 1), ("closed_ways", 0), ("gaps", 0), ("branches", 0), ("closed_lines", 0)] {
+        assert_eq!(stripes[key], count, "{key}: {stripes}");
+    }
+    let tips = stripes["found"].as_array().unwrap();
+    assert!(tips.len() > 2 && stripes["lines"] == tips.len() - 1, "{stripes}");
+    // Where it is divided to lie flat is said, and what is left is one strip once those seams are closed.
+    let cut = &report["cut"];
+    let pieces = cut["pieces"].as_u64().unwrap();
+    assert_eq!(cut["strips"], 1);
+    assert!(cut["divisions"].as_array().unwrap().len() as u64 >= pieces - 1, "{cut}");
+    let strip = &report["strip"];
+    let area = strip["length_mm"].as_f64().unwrap() * strip["width_mm"]["median"].as_f64().unwrap();
+    let zipper = stripes["line_length_mm"].as_f64().unwrap();
+    assert!((area / 12.0 / zipper - 1.0).abs() < 0.1, "{area} {zipper}");
+    for name in ["stripes", "stripes-behind"] {
+        assert!(out.path().join(format!("preview/{name}.png")).exists());
+    }
+}
+
+#[test]
 fn lines_are_engraved_on_a_developable_job() {
     let out = tempfile::tempdir().unwrap();
     let mesh = fixture("cylinder.obj");
@@ -85,9 +122,55 @@ fn impossible_stripes_are_refused_with_the_reason() {
         ("stripes.singularities=[{face=99999,index=1}]", 1, "face 99999"),
         ("stripes.singularities=[{face=1,index=1}]", 1, "-1 is missing"),
         ("stripes.field=\"boundary\"", 1, "no boundary"),
+        ("stripes.field=\"guides\"", 2, "must be given"),
+        ("stripes.spacing=-3", 2, "between 0.001"),
+        ("stripes.even_steps=9999", 2, "between 0"),
+        ("stripes.axis=[0,0,0]", 2, "must be a direction"),
+        ("stripes.generators=[{number=0,index=1}]", 1, "generator 0"),
+        ("stripes.singularities=[{boundary=0,index=1}]", 1, "boundary loop 0"),
+        ("stripes.field_singularities=[{face=1,index=1}]", 1, "1 is missing"),
     ] {
         let (found, text) = run(set);
         assert_eq!(found, Some(code), "{set}: {text}");
         assert!(text.contains(said), "{set}: {text}");
     }
+    // Surfaces on which no field is defined, before anything runs; of two parts each needs a sum of its own.
+    let refused = |mesh: &str, more: &[&str]| {
+        let mesh = fixture(mesh);
+        let base = ["run", mesh.as_str(), "--set", "recipe=stripes", "--to", "stripes", "--out", dir.as_str()];
+        let more: Vec<&str> = more.iter().flat_map(|it| ["--set", it]).collect();
+        let result = fabricate(&[&base[..], &more].concat());
+        (result.status.code(), String::from_utf8_lossy(&result.stderr).into_owned())
+    };
+    let all = "input.component=\"all\"";
+    for (mesh, more, code, said) in [
+        ("broken-two-components.obj", &[][..], 3, "2 separate components"),
+        ("broken-nonmanifold-edge.obj", &[], 3, "more than two faces"),
+        ("broken-moebius.obj", &[], 3, "only one side"),
+        (
+            "broken-two-components.obj",
+            &[all, "stripes.singularities=[{face=1,index=1},{face=350,index=-1}]"],
+            1,
+            "component",
+        ),
+    ] {
+        let (found, text) = refused(mesh, more);
+        assert_eq!(found, Some(code), "{mesh}: {text}");
+        assert!(text.contains(said), "{mesh}: {text}");
+    }
+}
+
+#[test]
+fn two_components_are_striped_each_for_itself() {
+    let out = tempfile::tempdir().unwrap();
+    let mesh = fixture("broken-two-components.obj");
+    let mut args = vec![mesh.as_str(), "--to", "stripes", "--threads", "1"];
+    let settings = ["recipe=stripes", "input.component=\"all\"", "stripes.field=\"distance\"", "stripes.spacing=9"];
+    settings.iter().for_each(|it| args.extend(["--set", it]));
+    let report = job(out.path(), &args);
+    assert!(failed(&report).is_empty(), "{:?}", failed(&report));
+    let stripes = &report["stripes"];
+    assert_eq!((&stripes["components"], &stripes["open_ends"]), (&2.into(), &0.into()));
+    // The lines are closed rings, each of which parts its component.
+    assert_eq!(stripes["parts"], stripes["closed_lines"].as_u64().unwrap() + 2);
 }

@@ -5,6 +5,7 @@
 //! of a piece, and a cut through a vertex removes its curvature from the right-hand side. So cuts run to where |u| is
 //! largest, along creases; what is near the limit is laid flat and polished as it will be in the end. Pieces that overlap themselves or fit on no sheet are divided; then whatever can be glued again within the limit is glued, and single
 //! pieces and pairs of them are cut anew as long as that makes the seams shorter.
+mod across;
 mod divide;
 mod guide;
 mod hinge;
@@ -21,6 +22,7 @@ mod small;
 pub mod stage;
 mod straighten;
 
+pub use across::{Across, Divisions, divisions};
 pub use guide::{Traced, left_uncut, painted, trace};
 pub use narrow::{NarrowNeck, narrow};
 pub use obstacle::{Obstacle, obstacle};

@@ -2,7 +2,9 @@
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::{CutError, NarrowNeck, Options, Region, Side, cut, left_uncut, narrow, obstacle, painted, trace};
+use super::{
+    Across, CutError, NarrowNeck, Options, Region, Side, cut, divisions, left_uncut, narrow, obstacle, painted, trace,
+};
 use crate::{
     geom::Vec3,
     mesh::{Bvh, EdgeId, TriMesh, VertexId},
@@ -360,6 +362,16 @@ impl Stage for CutStage {
             "small_pieces": cut.small_pieces(self.min_side(stock).powi(2)),
         });
         self.narrow(stock, cut, &mut table);
+        if let Some(lines) = guides.map(|it| &it.edges).filter(|it| !it.is_empty()) {
+            let found = divisions(cut, lines);
+            let row = |it: &Across| {
+                let [a, b] = it.pieces.map(|id| &cut.pieces[id].name);
+                json!({ "pieces": [a, b], "at_mm": [it.place.x, it.place.y, it.place.z], "length_mm": it.length })
+            };
+            table["strips"] = json!(found.strips);
+            table["slits"] = json!(found.slits);
+            table["divisions"] = json!(found.across.iter().map(row).collect::<Vec<_>>());
+        }
         if self.style == Style::OnePiece && cut.pieces.len() > 1 {
             table["obstacle"] = json!(too_many(&moved.mesh, cut));
         }

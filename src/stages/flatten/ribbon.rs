@@ -14,8 +14,8 @@ pub struct Ribbon {
     pub width: [f64; 3],
 }
 
-/// Measures every piece. O(n²) for n edges of an outline.
-pub fn ribbons(cut: &CutMesh, flat: &Flattening) -> Field<PieceId, Ribbon> {
+/// Measures every piece, and all of them as the parts of one strip. O(n²) for n edges of an outline.
+pub fn ribbons(cut: &CutMesh, flat: &Flattening) -> (Field<PieceId, Ribbon>, Ribbon) {
     let mut sides: Field<PieceId, Vec<[Vec2; 2]>> = Field::filled(cut.pieces.len(), Vec::new());
     for h in cut.mesh.halfedges().filter(|&h| cut.mesh.twin(h).is_none()) {
         sides[cut.piece_of[cut.mesh.face(h)]].push([cut.mesh.tail(h), cut.mesh.head(h)].map(|v| flat.uv[v]));
@@ -24,23 +24,31 @@ pub fn ribbons(cut: &CutMesh, flat: &Flattening) -> Field<PieceId, Ribbon> {
     for f in cut.mesh.faces() {
         area[cut.piece_of[f]] += crate::geom::signed_area(&cut.mesh.face_vertices(f).map(|v| flat.uv[v]));
     }
-    Field::from_fn(sides.len(), |piece| {
+    let mut all = Vec::new();
+    let pieces = Field::from_fn(sides.len(), |piece| {
         let sides = &sides[piece];
-        let mut widths: Vec<(f64, f64)> =
+        let widths: Vec<(f64, f64)> =
             (0..sides.len()).filter_map(|k| Some((across(sides, k)?, (sides[k][1] - sides[k][0]).norm()))).collect();
-        widths.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let total: f64 = widths.iter().map(|it| it.1).sum();
-        let quantile = |share: f64| {
-            let mut sum = 0.0;
-            let reached = widths.iter().find(|it| {
-                sum += it.1;
-                sum >= share * total
-            });
-            reached.map_or(0.0, |it| it.0)
-        };
-        let width = [0.05, 0.5, 0.95].map(quantile);
-        Ribbon { length: area[piece] / width[1].max(f64::MIN_POSITIVE), width }
-    })
+        all.extend_from_slice(&widths);
+        ribbon(area[piece], widths)
+    });
+    (pieces, ribbon(area.iter().sum(), all))
+}
+
+/// A ribbon of an area from widths with the lengths of outline that keep them.
+fn ribbon(area: f64, mut widths: Vec<(f64, f64)>) -> Ribbon {
+    widths.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let total: f64 = widths.iter().map(|it| it.1).sum();
+    let quantile = |share: f64| {
+        let mut sum = 0.0;
+        let reached = widths.iter().find(|it| {
+            sum += it.1;
+            sum >= share * total
+        });
+        reached.map_or(0.0, |it| it.0)
+    };
+    let width = [0.05, 0.5, 0.95].map(quantile);
+    Ribbon { length: area / width[1].max(f64::MIN_POSITIVE), width }
 }
 
 /// How far it is from the middle of side `k` straight inwards, to its left, to the next side.

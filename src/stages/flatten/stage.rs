@@ -110,7 +110,9 @@ impl Stage for FlattenStage {
         });
         let mut section = Section::new("flatten", table).table("seams", seam_table);
         if stripes.is_some_and(|it| !it.drawn) {
-            section = section.table("ribbons", json!(ribbon_rows(cut, flat)));
+            let (pieces, all) = ribbons(cut, flat);
+            let rows: Vec<_> = pieces.enumerate().map(|(id, it)| ribbon_row(&cut.pieces[id].name, it)).collect();
+            section = section.table("ribbons", json!(rows)).table("strip", ribbon_row("all", &all));
         }
         section
             .check(overlap_check(cut, flat, overlap_area))
@@ -120,14 +122,11 @@ impl Stage for FlattenStage {
     }
 }
 
-/// Length and width of every piece as a ribbon.
-fn ribbon_rows(cut: &CutMesh, flat: &Flattening) -> Vec<serde_json::Value> {
-    let row = |(id, it): (PieceId, &super::Ribbon)| {
-        let [p5, median, p95] = it.width;
-        let width = json!({ "p5": p5, "median": median, "p95": p95 });
-        json!({ "name": cut.pieces[id].name, "length_mm": it.length, "width_mm": width })
-    };
-    ribbons(cut, flat).enumerate().map(row).collect()
+/// Length and width of a ribbon.
+fn ribbon_row(name: &str, it: &super::Ribbon) -> serde_json::Value {
+    let [p5, median, p95] = it.width;
+    let width = json!({ "p5": p5, "median": median, "p95": p95 });
+    json!({ "name": name, "length_mm": it.length, "width_mm": width })
 }
 
 /// "piece A near (1.0, 2.0, 3.0)".

@@ -51,6 +51,15 @@ pub struct Crossings {
     pub ends: Vec<Ends>,
 }
 
+/// Where a line ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ArcEnd {
+    /// At a boundary edge.
+    Rim(EdgeId),
+    /// In the singular face `ends[k]` of its crossings.
+    Inner(usize),
+}
+
 /// A point of an isoline.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LinePoint {
@@ -313,27 +322,64 @@ impl Crossings {
         ((next as usize) < 2 * self.edge.len()).then_some(next)
     }
 
-    /// The isolines: first those with ends, then the closed ones, each from its least crossing.
+    /// The isolines: first those with ends, from where they begin (τ is higher on their left), then the closed ones, each from its
+    /// least crossing. Those of a line field have no direction and run from either end.
     pub fn lines(&self, mesh: &TriMesh) -> Vec<Isoline> {
         let mut seen = vec![false; self.edge.len()];
         let mut out = Vec::new();
-        for open in [true, false] {
-            for c in 0..self.edge.len() as u32 {
-                let way = (0..2).find(|&side| self.partner(2 * c + side).is_none());
-                if !seen[c as usize] && (!open || way.is_some()) {
-                    // An open line starts by leaving its end.
-                    let from = way.unwrap_or(0);
-                    out.push(self.trace(mesh, 2 * c + from, &mut seen));
-                }
+        for (c, way) in self.order() {
+            if !seen[c as usize] {
+                out.push(self.trace(mesh, 2 * c + way.unwrap_or(0), &mut seen));
             }
         }
         out
     }
 
+    /// Crossings from which to look for lines, with the side on which one ends: the beginnings, other ends, then all.
+    fn order(&self) -> impl Iterator<Item = (u32, Option<u32>)> + '_ {
+        let all = 0..self.edge.len() as u32;
+        let end = |c: u32, side: u32| self.partner(2 * c + side).is_none().then_some(side);
+        // Whoever leaves an end on the left of a rising edge has what is higher on the left.
+        let begins = move |c: u32| end(c, u32::from(self.count[self.edge[c as usize]] < 0));
+        let ends = move |c: u32| end(c, 0).or(end(c, 1));
+        let beginnings = all.clone().filter_map(move |c| Some((c, Some(begins(c)?))));
+        let others = all.clone().filter_map(move |c| Some((c, Some(ends(c)?))));
+        beginnings.chain(others).chain(all.map(|c| (c, None)))
+    }
+
+    /// The lines without their ways: both ends of every open one, and how many are closed.
+    pub fn arcs(&self) -> (Vec<[ArcEnd; 2]>, usize) {
+        let mut seen = vec![false; self.edge.len()];
+        let (mut open, mut closed) = (Vec::new(), 0);
+        for (c, way) in self.order() {
+            if seen[c as usize] {
+                continue;
+            }
+            let first = 2 * c + way.unwrap_or(0);
+            let mut last = first;
+            seen[c as usize] = true;
+            while let Some(next) = self.partner(last ^ 1).filter(|it| !seen[*it as usize / 2]) {
+                seen[next as usize / 2] = true;
+                last = next;
+            }
+            if way.is_some() { open.push([first, last ^ 1].map(|x| self.arc_end(x))) } else { closed += 1 }
+        }
+        (open, closed)
+    }
+
+    /// Where a line ends that goes nowhere from a passage.
+    fn arc_end(&self, x: Passage) -> ArcEnd {
+        match self.next[x as usize / 2][x as usize % 2] {
+            NONE => ArcEnd::Rim(self.edge[x as usize / 2]),
+            code => ArcEnd::Inner((NONE - 1 - code) as usize),
+        }
+    }
+
     /// How many lines have no end inside the surface, which may part it, and how many there are.
-    pub fn count_lines(&self, mesh: &TriMesh) -> [usize; 2] {
-        let lines = self.lines(mesh);
-        [lines.iter().filter(|it| it.inner_ends == 0).count(), lines.len()]
+    pub fn count_lines(&self) -> [usize; 2] {
+        let (open, closed) = self.arcs();
+        let through = open.iter().filter(|it| it.iter().all(|end| matches!(end, ArcEnd::Rim(_)))).count();
+        [through + closed, open.len() + closed]
     }
 
     fn trace(&self, mesh: &TriMesh, start: Passage, seen: &mut [bool]) -> Isoline {

@@ -8,6 +8,8 @@ pub mod lines;
 pub mod search;
 pub mod split;
 pub mod stage;
+mod starts;
+pub mod zip;
 
 use std::f64::consts::TAU;
 
@@ -15,13 +17,13 @@ use isolines::{Crossings, Isoline, Levels};
 
 use crate::{
     geom::{Complex, Vec3},
-    mesh::{Bvh, FaceId, Field, Id, MeshError, TriMesh, VertexId},
-    model::{StripeEnd, StripeLine, Stripes},
+    mesh::{Bvh, EdgeId, FaceId, Field, Id, MeshError, TriMesh, VertexId},
+    model::{StripeEnd, Stripes},
     numeric::{Cancelled, Monitor},
     surface::{
         direction_field::{
-            DirectionField, FieldError, Guide, TrivialError, Turns, boundary_guides, guided, principal,
-            principal_guides, smoothest, trivial,
+            DirectionField, FieldError, Guide, TrivialError, Turns, away_from, boundary_guides, guided, principal,
+            principal_guides, smoothest, tips, trivial,
         },
         field_aligned::{AlignError, Indices, Parameterization, Parameterizer},
         tangent::{TangentSpaces, one_form},
@@ -37,7 +39,7 @@ const MARGIN: f64 = 0.03;
 const STRENGTH: f64 = 100.0;
 
 /// Which way α rises. The lines run across it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Along {
     /// The smoothest field there is.
     Smoothest,
@@ -50,6 +52,9 @@ pub enum Along {
     },
     /// A direction in space, projected on the surface: the lines are rings about it.
     Axis(Vec3),
+    /// Away from points, mm, as far as the surface goes: the lines are rings about every limb. On a component without one, away
+    /// from one of its tips.
+    Distance(Vec<Vec3>),
     /// Along the boundary, the surface on the left; smooth inside.
     Boundary,
     /// The guides alone.
@@ -92,8 +97,13 @@ pub struct Options {
     pub budget: usize,
     /// Share of the misfit that a pair of the budget must save.
     pub least_gain: f64,
-    /// Whether pairs are added at tips and saddles until no line parts the surface: one strip.
+    /// Whether singularities are added until no line parts the surface: one strip.
     pub join: bool,
+    /// How often α is fitted again to the direction in which it rises, at the same steepness everywhere: the distance of the lines
+    /// evens out, at the price of the direction.
+    pub even: usize,
+    /// Points near which lines start: an open one at its nearer end, a closed one at its nearest point.
+    pub starts: Vec<Vec3>,
 }
 
 /// Why there are no stripes.
@@ -114,6 +124,9 @@ pub enum StripesError {
     /// What is not known for line fields.
     #[error("{0} needs a vector field: set symmetry = 1")]
     VectorsOnly(&'static str),
+    /// A spacing that is none.
+    #[error("lines cannot be {0} mm apart: the spacing must be a positive number")]
+    Spacing(f64),
     /// The spacing.
     #[error(
         "lines {spacing} mm apart are closer than the mesh carries: its edges are {edge:.3} mm long on average, which is good for lines {least:.3} mm apart ({most:.4} per mm); take a wider spacing or a finer mesh"
@@ -158,10 +171,13 @@ pub struct Laid {
 
 /// Lays stripes on a mesh.
 pub fn stripes(mesh: &TriMesh, options: &Options, monitor: &Monitor) -> Result<Laid, StripesError> {
-    let edge = mesh.mean_edge_length();
+    let (spacing, edge) = (options.spacing, mesh.mean_edge_length());
+    if !(spacing > 0.0 && spacing.is_finite()) {
+        return Err(StripesError::Spacing(spacing));
+    }
     let least = edge / LINES_PER_EDGE;
-    if !(options.spacing >= least) {
-        return Err(StripesError::Resolution { spacing: options.spacing, edge, least, most: 1.0 / least });
+    if spacing < least {
+        return Err(StripesError::Resolution { spacing, edge, least, most: 1.0 / least });
     }
     monitor.progress(0.0, "direction field");
     let start = monitor.seconds();
@@ -183,23 +199,79 @@ pub fn stripes(mesh: &TriMesh, options: &Options, monitor: &Monitor) -> Result<L
     };
     monitor.progress(0.5, "parameterisation");
     let mut it = solver.solve(mesh, omega, &indices)?;
+    let settle = |it: &mut Parameterization<'_>| {
+        for _ in 0..options.even {
+            it.set_field(evened(mesh, it, frequency));
+        }
+    };
+    settle(&mut it);
     let plain = it.energy();
     search::spend(&mut it, options.budget, options.least_gain, monitor)?;
+    let mut levels = LINES;
     if options.join {
         monitor.progress(0.7, "joining lines");
-        search::join(mesh, &mut it, LINES, monitor)?;
+        (it, levels) = joined(mesh, it, &settle, monitor)?;
     }
     let edit = monitor.seconds();
     it.set_field(it.omega().clone());
     let edit = monitor.seconds() - edit;
     monitor.check()?;
-    let crossings = Crossings::new(mesh, &it.alpha, &it.n, LINES);
+    let crossings = Crossings::new(mesh, &it.alpha, &it.n, levels);
     let lines = crossings.lines(mesh);
-    let mut out = measured(mesh, &it, &lines, options.spacing);
+    let mut out = measured(mesh, &it, &lines, options);
+    out.web = zip::web(&crossings, &zip::rims(mesh));
     out.field_singularities = field.turns(mesh, &tangent).faces.len();
     out.energy = [plain, it.energy()];
     out.seconds = [factored - start, edit];
     Ok(Laid { stripes: out, crossings, mesh: None })
+}
+
+/// Adds singularities until no line parts the surface: at the tips of all limbs so that the lines are one path, or pair by pair.
+fn joined<'a>(
+    mesh: &TriMesh,
+    mut it: Parameterization<'a>,
+    settle: &dyn Fn(&mut Parameterization<'a>),
+    monitor: &Monitor,
+) -> Result<(Parameterization<'a>, Levels), StripesError> {
+    let plain = it.nodes()[..mesh.face_count()].iter().all(|&k| k == 0);
+    if plain && it.generators().is_empty() && it.solver().tree.roots.len() == 1 {
+        let zipped = zip::zip(mesh, &it, MARGIN, settle, monitor)?;
+        if let Some(found) = zipped.filter(|it| it.web.cycles == 0) {
+            return Ok((found.it, found.levels));
+        }
+    }
+    search::join(mesh, &mut it, LINES, monitor)?;
+    Ok((it, LINES))
+}
+
+/// The 1-form of the direction in which α rises, `frequency` everywhere (radians per mm); as before at singular faces. One step of
+/// the local and global solves of ∫ (|∇α| − frequency)².
+fn evened(mesh: &TriMesh, it: &Parameterization<'_>, frequency: f64) -> Field<EdgeId, f64> {
+    let u = it.differences(mesh);
+    let slope = |f: FaceId| {
+        let along = mesh.face_halfedges(f).map(|h| {
+            let e = mesh.edge(h);
+            if mesh.halfedge(e) == h { u[e] } else { -u[e] }
+        });
+        gradient(mesh, f, along).and_then(|it| it.try_normalize(0.0))
+    };
+    let slopes: Field<FaceId, Option<Vec3>> = Field::from_fn(mesh.face_count(), slope);
+    Field::from_fn(mesh.edge_count(), |e| {
+        let h = mesh.halfedge(e);
+        let both = [Some(h), mesh.twin(h)].into_iter().flatten();
+        let known: Vec<Vec3> = both.filter_map(|h| slopes[mesh.face(h)]).collect();
+        let sum: Vec3 = known.iter().sum();
+        if known.is_empty() { it.omega()[e] } else { frequency * sum.dot(&mesh.vector(h)) / known.len() as f64 }
+    })
+}
+
+/// Gradient of a function that rises so along the sides of a face; `None` in a singular one.
+fn gradient(mesh: &TriMesh, f: FaceId, rises: [f64; 3]) -> Option<Vec3> {
+    let [a, b, c] = mesh.face_positions(f);
+    let (p, q) = (b - a, c - a);
+    let normal = p.cross(&q);
+    let regular = rises.iter().sum::<f64>().abs() < 1.0;
+    regular.then(|| (q.cross(&normal) * rises[0] - normal.cross(&p) * rises[2]) / normal.norm_squared())
 }
 
 /// Stripes across a line field.
@@ -212,6 +284,7 @@ fn along_lines(
     let given = [
         (options.join, "one strip"),
         (options.budget > 0, "a budget"),
+        (options.even > 0, "evenness"),
         (!options.generators.is_empty(), "an index of a generator"),
     ];
     if let Some(it) = given.iter().find(|it| it.0) {
@@ -232,12 +305,13 @@ fn along_lines(
     let singular = found.mesh.faces().map(|f| (f, index(f))).filter(|it| it.1 != 0);
     let lines = found.crossings.lines(&found.mesh);
     let stripes = Stripes {
-        lines: lines.iter().map(|it| stripe_line(mesh, it, &|f| found.origin[f])).collect(),
+        lines: starts::stripe_lines(mesh, &lines, &|f| found.origin[f], &options.starts),
         drawn: true,
         faces: mesh.face_count(),
         components: mesh.components().1,
         prescribed: faces.iter().map(|&(f, index)| at(f, index)).collect(),
         found: singular.map(|(f, index)| at(found.origin[f], index)).collect(),
+        web: zip::web(&found.crossings, &zip::rims(&found.mesh)),
         field_singularities: found.branches,
         period_error: found.period_error,
         energy: [found.energy; 2],
@@ -251,22 +325,18 @@ fn centre(mesh: &TriMesh, f: FaceId) -> Vec3 {
     mesh.face_positions(f).iter().sum::<Vec3>() / 3.0
 }
 
-/// A line as it leaves the stage; `face` finds the face of the given mesh.
-fn stripe_line(mesh: &TriMesh, line: &Isoline, face: &dyn Fn(FaceId) -> FaceId) -> StripeLine {
-    StripeLine {
-        points: line.points.iter().map(|it| it.place).collect(),
-        closed: line.closed,
-        inner_ends: line.inner_ends,
-        pieces: line.pieces().map(|(f, ends)| (face(f), ends.map(|p| barycentric(mesh, face(f), p)))).collect(),
-    }
-}
-
 fn node(spot: Spot, bvh: &Bvh) -> Node {
     match spot {
         Spot::Face(face) => Node::Face(FaceId::new(face)),
         Spot::Near(place) => Node::Face(bvh.closest(place).face),
         Spot::Loop(path) => Node::Loop(path),
     }
+}
+
+fn nearest_vertex(mesh: &TriMesh, bvh: &Bvh, place: Vec3) -> VertexId {
+    let near = |v: VertexId| (mesh.position(v) - place).norm();
+    let [a, b, c] = mesh.face_vertices(bvh.closest(place).face);
+    [b, c].into_iter().fold(a, |best, v| if near(v) < near(best) { v } else { best })
 }
 
 /// The field that is asked for.
@@ -284,23 +354,31 @@ fn field(
         .guides
         .iter()
         .filter_map(|&(place, direction)| {
-            let face = bvh.closest(place).face;
-            let near = |v: &VertexId| (mesh.position(*v) - place).norm();
-            let vertex = mesh.face_vertices(face).into_iter().min_by(|a, b| near(a).total_cmp(&near(b)))?;
+            let vertex = nearest_vertex(mesh, &bvh, place);
             Some(Guide { vertex, direction: tangent.from_space(mesh, vertex, direction)?, strength: STRENGTH })
         })
         .collect();
     let symmetry = options.symmetry;
-    let field = match options.along {
+    let field = match &options.along {
         Along::Smoothest if guides.is_empty() => smoothest(mesh, tangent, symmetry)?,
         Along::Smoothest | Along::Guides => guided(mesh, tangent, symmetry, &guides)?,
         Along::Axis(axis) => {
-            let here = |v| tangent.from_space(mesh, v, axis).unwrap_or(Complex::new(0.0, 0.0));
+            let here = |v| tangent.from_space(mesh, v, *axis).unwrap_or(Complex::new(0.0, 0.0));
             let field = DirectionField::from_vectors(symmetry, &Field::from_fn(mesh.vertex_count(), here));
             if field.power.iter().all(|it| it.norm_sqr() == 0.0) {
                 return Err(FieldError::Zero("the axis is at right angles to the surface").into());
             }
             field
+        }
+        Along::Distance(from) => {
+            let mut sources: Vec<VertexId> = from.iter().map(|&p| nearest_vertex(mesh, &bvh, p)).collect();
+            let component = mesh.components().0;
+            let of = |v: VertexId| mesh.outgoing(v).next().map(|h| component[mesh.face(h)]);
+            let named: Vec<Option<u32>> = sources.iter().map(|&v| of(v)).collect();
+            sources.extend(tips(mesh).into_iter().filter(|&v| !named.contains(&of(v))));
+            let field = away_from(mesh, tangent, &sources, options.spacing.max(mesh.mean_edge_length()))?;
+            // As a line field it has no more than its direction.
+            DirectionField::from_vectors(symmetry, &field.vectors())
         }
         Along::Boundary => {
             guides.extend(boundary_guides(mesh, tangent, 0.0, STRENGTH));
@@ -311,7 +389,7 @@ fn field(
         }
         Along::Curvature { least, strength } => {
             let curvature = principal(mesh, tangent);
-            let mut lines = principal_guides(&curvature, least, strength);
+            let mut lines = principal_guides(&curvature, *least, *strength);
             lines.extend(guides);
             let field = guided(mesh, tangent, 2, &lines)?;
             // Lines have no sign: a vector field takes the nearer one.
@@ -378,7 +456,7 @@ fn oriented(mesh: &TriMesh, tangent: &TangentSpaces, lines: &DirectionField) -> 
 }
 
 /// What the report says of a parameterisation and its lines.
-fn measured(mesh: &TriMesh, it: &Parameterization, lines: &[Isoline], spacing: f64) -> Stripes {
+fn measured(mesh: &TriMesh, it: &Parameterization, lines: &[Isoline], options: &Options) -> Stripes {
     let tree = &it.solver().tree;
     let u = it.differences(mesh);
     let sums = tree.sums(&u);
@@ -396,7 +474,7 @@ fn measured(mesh: &TriMesh, it: &Parameterization, lines: &[Isoline], spacing: f
     let periods = (0..tree.generators.len()).map(around);
     let loops = it.nodes()[mesh.face_count()..].to_vec();
     Stripes {
-        lines: lines.iter().map(|it| stripe_line(mesh, it, &|f| f)).collect(),
+        lines: starts::stripe_lines(mesh, lines, &|f| f, &options.starts),
         drawn: true,
         faces: mesh.face_count(),
         components: tree.roots.len(),
@@ -404,17 +482,9 @@ fn measured(mesh: &TriMesh, it: &Parameterization, lines: &[Isoline], spacing: f
         found: ends(&|f| (sums[f] / TAU).round() as i32),
         windings: [loops, it.generators().to_vec()],
         period_error: sums.iter().copied().chain(periods).map(off).fold(0.0, f64::max),
-        spacing: spread(mesh, &|f| mesh.face_halfedges(f).map(along), spacing),
+        spacing: spread(mesh, &|f| mesh.face_halfedges(f).map(along), options.spacing),
         ..Stripes::default()
     }
-}
-
-/// Barycentric coordinates of a point of a face.
-fn barycentric(mesh: &TriMesh, f: FaceId, p: Vec3) -> [f64; 3] {
-    let [a, b, c] = mesh.face_positions(f);
-    let normal = (b - a).cross(&(c - a));
-    let share = |x: Vec3, y: Vec3| normal.dot(&(x - p).cross(&(y - p))) / normal.norm_squared();
-    [share(b, c), share(c, a), share(a, b)]
 }
 
 /// Local distance 2π / |∇α| of the lines over faces that are not singular: least, largest, mean and standard deviation by area.
@@ -424,16 +494,8 @@ fn spread(mesh: &TriMesh, rises: &dyn Fn(FaceId) -> [f64; 3], spacing: f64) -> [
     let mut out = [f64::INFINITY, 0.0, 0.0, 0.0];
     let mut area = 0.0;
     for f in mesh.faces() {
-        let rise = rises(f);
-        if rise.iter().sum::<f64>().abs() > 1.0 {
-            continue;
-        }
-        let [h, _, last] = mesh.face_halfedges(f);
-        // ∇α in the basis of two sides p, q with rises a, b.
-        let (p, q, a, b) = (mesh.vector(h), -mesh.vector(last), rise[0], -rise[2]);
-        let (pp, pq, qq) = (p.norm_squared(), p.dot(&q), q.norm_squared());
-        let squared = (a * a * qq - 2.0 * a * b * pq + b * b * pp) / (pp * qq - pq * pq);
-        let distance = TAU / squared.sqrt();
+        let Some(slope) = gradient(mesh, f, rises(f)) else { continue };
+        let distance = TAU / slope.norm();
         if !(distance < 10.0 * spacing) {
             continue;
         }
@@ -452,10 +514,11 @@ fn spread(mesh: &TriMesh, rises: &dyn Fn(FaceId) -> [f64; 3], spacing: f64) -> [
     out
 }
 
-/// The mesh with its lines as edges, and these as pairs of its vertices.
-pub fn cut_along(mesh: &TriMesh, crossings: &Crossings) -> Result<(TriMesh, Vec<[u32; 2]>), StripesError> {
+/// The mesh with its lines as edges, these as pairs of its vertices, and into how many parts they divide it.
+pub fn cut_along(mesh: &TriMesh, crossings: &Crossings) -> Result<(TriMesh, Vec<[u32; 2]>, usize), StripesError> {
     let split = split::split(mesh, crossings, MARGIN)?;
-    Ok((split.mesh, split.lines))
+    let parts = split.parts(&split.edges()).len();
+    Ok((split.mesh, split.lines, parts))
 }
 
 #[cfg(test)]

@@ -12,6 +12,8 @@ use crate::{
 
 /// Tips and saddles that are tried against each other.
 const PLACES: usize = 24;
+/// So many faces in all are solved for each pair that is added, so that large meshes try fewer places.
+const EFFORT: usize = 1_500_000;
 /// Pairs that are added at most to join lines.
 const JOINS: usize = 16;
 /// A pair is not tried further where lines then cross edges so many times as often as the field asks for.
@@ -87,7 +89,7 @@ pub fn join(
     levels: Levels,
     monitor: &Monitor,
 ) -> Result<Vec<[FaceId; 2]>, SearchError> {
-    let count = |it: &Parameterization| Crossings::new(mesh, &it.alpha, &it.n, levels).count_lines(mesh);
+    let count = |it: &Parameterization| Crossings::new(mesh, &it.alpha, &it.n, levels).count_lines();
     let mut out = Vec::new();
     let mut now = count(it);
     let total = |of: &Field<EdgeId, f64>| of.iter().map(|x| x.abs()).sum::<f64>();
@@ -140,6 +142,7 @@ fn critical(mesh: &TriMesh, it: &Parameterization) -> Vec<FaceId> {
     let inner = mesh.vertices().filter(|&v| !mesh.is_boundary_vertex(v));
     let mut found: Vec<((bool, f64), VertexId)> = inner.filter_map(|v| Some((rank(v)?, v))).collect();
     found.sort_by(|a, b| a.0.0.cmp(&b.0.0).then(a.0.1.total_cmp(&b.0.1)).then(a.1.cmp(&b.1)));
-    found.truncate(PLACES);
+    let places = (EFFORT / mesh.face_count().max(1)).isqrt();
+    found.truncate(places.clamp(6, PLACES));
     found.into_iter().filter_map(|(_, v)| mesh.outgoing(v).next()).map(|h| mesh.face(h)).collect()
 }

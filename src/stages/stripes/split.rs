@@ -2,7 +2,8 @@
 use super::isolines::{Around, Crossings};
 use crate::{
     geom::Vec3,
-    mesh::{FaceId, Field, Id, MeshError, TriMesh},
+    mesh::{EdgeId, FaceId, Field, Id, MeshError, TriMesh, VertexId},
+    surface::chart::ChartBuilder,
 };
 
 /// A mesh with isolines as edges.
@@ -14,6 +15,25 @@ pub struct Split {
     pub origin: Field<FaceId, FaceId>,
     /// The edges along isolines as pairs of vertices.
     pub lines: Vec<[u32; 2]>,
+}
+
+impl Split {
+    /// Whether a line runs along each edge.
+    pub fn edges(&self) -> Field<EdgeId, bool> {
+        let mut out = Field::filled(self.mesh.edge_count(), false);
+        for &[a, b] in &self.lines {
+            let [a, b] = [VertexId(a), VertexId(b)];
+            let h = self.mesh.find_halfedge(a, b).or_else(|| self.mesh.find_halfedge(b, a));
+            out[self.mesh.edge(h.expect("every piece of a line was made an edge"))] = true;
+        }
+        out
+    }
+
+    /// The faces of every part between the lines, which run along [`Split::edges`].
+    pub fn parts(&self, lines: &Field<EdgeId, bool>) -> Vec<Vec<FaceId>> {
+        let all: Vec<FaceId> = self.mesh.faces().collect();
+        ChartBuilder::new(&self.mesh).components(&all, &|e| lines[e])
+    }
 }
 
 /// Inserts the lines. Crossings nearer to a corner than the share `margin` of their edge are moved away to it, so that no

@@ -22,6 +22,8 @@ pub struct StripesStage {
     pub field: FieldKey,
     /// Direction of `field = "axis"`, in the coordinates of the input.
     pub axis: [f64; 3],
+    /// Points, mm, away from which `field = "distance"` points; without any, one tip of the surface.
+    pub from: Vec<[f64; 3]>,
     /// How much curvature counts against smoothness in `field = "curvature-…"`.
     pub curvature_strength: f64,
     /// Whether angles are those of the intrinsic Delaunay triangulation, for meshes with slivers.
@@ -43,9 +45,15 @@ pub struct StripesStage {
     pub budget: usize,
     /// Share of the misfit that each pair of the budget must save.
     pub least_gain: f64,
-    /// Whether pairs are added at tips of the surface until rings have become spirals and one strip is left, to be zipped up;
-    /// a body with limbs needs about a pair for each.
+    /// How often the lines are spaced out anew at the distance that was asked for, so that they follow the field less and their
+    /// spacing more; 10 is a good number.
+    pub even_steps: usize,
+    /// Whether singularities are added at the tips of the surface until rings have become one path from tip to tip and one strip
+    /// is left, to be zipped up along it. It works best with rings about every limb: `field = "distance"`.
     pub one_strip: bool,
+    /// Points, mm, near which lines start: an open one at its nearer end (otherwise it runs from where it begins to where it
+    /// ends), a closed one at its nearest point.
+    pub starts: Vec<[f64; 3]>,
     /// Whether the surface is cut into strips; otherwise the lines are engraved on the pieces.
     pub cut: bool,
 }
@@ -56,6 +64,7 @@ impl Default for StripesStage {
             symmetry: 1,
             field: FieldKey::Smoothest,
             axis: [0.0, 1.0, 0.0],
+            from: Vec::new(),
             curvature_strength: 0.1,
             intrinsic_delaunay: false,
             angle: Angle::degrees(0.0),
@@ -66,7 +75,9 @@ impl Default for StripesStage {
             generators: Vec::new(),
             budget: 0,
             least_gain: 0.005,
+            even_steps: 0,
             one_strip: false,
+            starts: Vec::new(),
             cut: true,
         }
     }
@@ -84,6 +95,8 @@ pub enum FieldKey {
     CurvatureLeast,
     /// Along `axis`, so that the lines are rings about it.
     Axis,
+    /// Away from the points `from` along the surface, so that the lines are rings at one distance about every limb.
+    Distance,
     /// Along the boundary.
     Boundary,
     /// The guides alone.
@@ -152,6 +165,7 @@ impl GuideTable {
 impl StripesStage {
     fn options(&self) -> Options {
         let curvature = |least| Along::Curvature { least, strength: self.curvature_strength };
+        let points = |list: &[[f64; 3]]| list.iter().map(|&it| Vec3::from(it)).collect();
         let spots = |tables: &[SingularityTable]| tables.iter().filter_map(|it| Some((it.spot()?, it.index))).collect();
         Options {
             symmetry: self.symmetry,
@@ -160,6 +174,7 @@ impl StripesStage {
                 FieldKey::CurvatureMost => curvature(false),
                 FieldKey::CurvatureLeast => curvature(true),
                 FieldKey::Axis => Along::Axis(Vec3::from(self.axis)),
+                FieldKey::Distance => Along::Distance(points(&self.from)),
                 FieldKey::Boundary => Along::Boundary,
                 FieldKey::Guides => Along::Guides,
             },
@@ -173,6 +188,8 @@ impl StripesStage {
             budget: self.budget,
             least_gain: self.least_gain,
             join: self.one_strip,
+            even: self.even_steps,
+            starts: points(&self.starts),
         }
     }
 }
@@ -193,6 +210,7 @@ impl Stage for StripesStage {
         KeyError::range("curvature_strength", self.curvature_strength, 1e-6, 1e6)?;
         KeyError::range("least_gain", self.least_gain, 0.0, 1.0)?;
         KeyError::range("budget", self.budget as f64, 0.0, 1e4)?;
+        KeyError::range("even_steps", self.even_steps as f64, 0.0, 1e3)?;
         let vague = |key, message: &str| Err(KeyError { key, message: message.into() });
         if !Vec3::from(self.axis).norm().is_normal() {
             return vague("axis", "must be a direction such as [0, 1, 0]");
@@ -232,13 +250,14 @@ impl Stage for StripesStage {
         let mut guides = guides.cloned().unwrap_or_default();
         let mut developed = developed.map_or_else(whole, Clone::clone);
         if self.cut {
-            let (split, edges) = cut_along(lined.as_ref().unwrap_or(mesh), &crossings)?;
+            let (split, edges, parts) = cut_along(lined.as_ref().unwrap_or(mesh), &crossings)?;
             // The surface is the same; only vertices were added.
             let mut values = developed.energy.into_vec();
             values.resize(split.vertex_count(), 0.0);
             developed = DevelopableMesh { mesh: split, energy: Field::from_vec(values), ..developed };
             guides.edges.extend(edges);
             found.drawn = false;
+            found.parts = parts;
         }
         Ok((developed, guides, found))
     }
@@ -269,6 +288,10 @@ impl Stage for StripesStage {
             "closed_lines": it.lines.iter().filter(|it| it.closed).count(),
             "components": it.components,
             "open_ends": inner,
+            "parts": it.parts,
+            "closed_ways": it.web.cycles,
+            "gaps": it.web.gaps,
+            "branches": it.web.branches,
             "line_length_mm": lengths.iter().sum::<f64>(),
             "longest_line_mm": lengths.iter().copied().fold(0.0, f64::max),
             "spacing_mm": { "min": min, "max": max, "mean": mean, "std": std },
@@ -284,11 +307,21 @@ impl Stage for StripesStage {
         if !self.one_strip {
             return section;
         }
-        let parting = it.lines.iter().filter(|it| it.inner_ends == 0).count();
-        let note = match parting {
-            0 => "",
-            _ => "list pairs yourself in stripes.singularities, one per limb, or take a wider spacing",
+        // What is cut tells for certain; lines only drawn are counted.
+        let parting = if it.drawn { it.web.cycles } else { it.parts.saturating_sub(1) };
+        let web = if it.web.is_path() {
+            "the lines are one path: one zipper closes the strip".into()
+        } else {
+            let (gaps, branches) = (it.web.gaps, it.web.branches);
+            format!(
+                "{gaps} gaps between the lines and {branches} branches: the strip needs as many cuts across and more zippers"
+            )
         };
-        section.check(Check::at_most("stripes.one_strip", parting as f64, 0.0, "lines that part the surface", note))
+        let note = match parting {
+            0 => web,
+            _ => "take field = \"distance\" or a wider spacing, or list the ends of the lines in stripes.singularities"
+                .into(),
+        };
+        section.check(Check::at_most("stripes.one_strip", parting as f64, 0.0, "parts too many", note))
     }
 }

@@ -1,6 +1,6 @@
 //! Laws of isolines and of the mesh that is cut along them.
 use super::*;
-use crate::mesh::shapes;
+use crate::{mesh::shapes, model::StripeLine};
 
 fn options(along: Along, spacing: f64) -> Options {
     Options {
@@ -16,6 +16,8 @@ fn options(along: Along, spacing: f64) -> Options {
         budget: 0,
         least_gain: 0.005,
         join: false,
+        even: 0,
+        starts: Vec::new(),
     }
 }
 
@@ -168,21 +170,143 @@ fn rings_of_a_sphere_become_one_spiral_with_two_ends() {
     assert!((spiral.lines[0].length() / length - 1.0).abs() < 0.1);
 }
 
-#[test]
-fn limbs_need_a_pair_each() {
-    // A ball with two horns: the rings of the horns are joined too.
+/// A ball with horns along some directions.
+fn horned(horns: &[Vec3], length: f64) -> TriMesh {
     let ball = shapes::icosphere(20.0, 4);
     let place = |p: &Vec3| {
         let n = p.normalize();
-        let horn = |axis: Vec3| 30.0 * (-(n - axis.normalize()).norm_squared() / 0.05).exp();
-        p + n * (horn(Vec3::new(0.6, 0.0, 0.8)) + horn(Vec3::new(-0.6, 0.0, 0.8)))
+        let horn = |axis: &Vec3| length * (-(n - axis.normalize()).norm_squared() / 0.05).exp();
+        p + n * horns.iter().map(horn).sum::<f64>()
     };
-    let mesh = ball.with_positions(Field::from_vec(ball.positions().iter().map(place).collect()));
-    let rings = run(&mesh, &options(Z, 6.0)).0;
-    let joined = run(&mesh, &Options { join: true, ..options(Z, 6.0) }).0;
-    assert!(rings.lines.len() > 10);
-    assert!(joined.lines.iter().all(|it| it.inner_ends > 0), "{:?}", joined.found);
-    assert!((3..=6).contains(&joined.found.len()), "{:?}", joined.found);
+    ball.with_positions(Field::from_vec(ball.positions().iter().map(place).collect()))
+}
+
+#[test]
+fn a_body_with_limbs_becomes_one_strip_with_one_zipper() {
+    let upwards = [Vec3::new(0.6, 0.0, 0.8), Vec3::new(-0.6, 0.0, 0.8)];
+    let downwards = [Vec3::new(0.7, 0.5, -0.6), Vec3::new(-0.7, 0.5, -0.6), Vec3::new(0.0, -0.8, -0.6)];
+    let all = [&upwards[..], &downwards].concat();
+    for (horns, length, spacing) in [(&upwards[..], 30.0, 6.0), (&downwards[..], 20.0, 5.0), (&all, 25.0, 5.0)] {
+        let mesh = horned(horns, length);
+        for (along, even) in [(Z, 0), (Along::Distance(Vec::new()), 0), (Along::Distance(Vec::new()), 8)] {
+            let about = format!("{} horns, {along:?}, {even}", horns.len());
+            let rings = Options { even, ..options(along, spacing) };
+            let before = run(&mesh, &rings).0;
+            assert!(before.web.cycles > 10 && before.lines.iter().all(|it| it.closed), "{about}");
+            let (found, crossings) = run(&mesh, &Options { join: true, ..rings });
+            assert!(found.web.is_path(), "{about}: {:?} {:?}", found.web, found.found);
+            assert_eq!(cut_along(&mesh, &crossings).unwrap().2, 1, "{about}");
+            // Two ends of the zipper; at every other tip two lines meet.
+            let mut indices: Vec<u32> = found.found.iter().map(|it| it.index.unsigned_abs()).collect();
+            indices.sort_unstable();
+            assert_eq!(
+                (&indices[..2], indices[2..].iter().all(|&k| k == 2)),
+                (&[1, 1][..], true),
+                "{about}: {indices:?}"
+            );
+            assert!(indices.len() >= horns.len(), "{about}");
+            assert_eq!(found.lines.len(), indices.len() - 1, "{about}");
+            // Rings became spirals: as long, and as far from each other.
+            let length = |it: &Stripes| it.lines.iter().map(StripeLine::length).sum::<f64>();
+            assert!((length(&found) / length(&before) - 1.0).abs() < 0.1, "{about}");
+            assert!((found.spacing[2] / spacing - 1.0).abs() < 0.15, "{about}: {:?}", found.spacing);
+        }
+    }
+}
+
+#[test]
+fn on_a_surface_without_handles_every_closed_way_of_lines_parts_it() {
+    for (name, mesh) in surfaces().into_iter().filter(|it| it.1.genus() == 0) {
+        for it in cases(&mesh) {
+            let (stripes, crossings) = run(&mesh, &it);
+            let (_, _, parts) = cut_along(&mesh, &crossings).unwrap();
+            assert_eq!(parts, stripes.web.cycles + 1, "{name}: {:?}", stripes.web);
+            let (open, closed) = crossings.arcs();
+            let lines = &stripes.lines;
+            assert_eq!(
+                (open.len() + closed, closed),
+                (lines.len(), lines.iter().filter(|it| it.closed).count()),
+                "{name}"
+            );
+        }
+    }
+}
+
+#[test]
+fn even_steps_even_out_the_spacing_and_leave_the_singularities() {
+    let mesh = horned(&[Vec3::new(0.6, 0.0, 0.8), Vec3::new(-0.6, 0.0, 0.8)], 30.0);
+    let singularities = vec![(Spot::Face(7), 1), (Spot::Face(2000), -1)];
+    let spread = |even| {
+        let out = run(&mesh, &Options { even, singularities: singularities.clone(), ..options(Z, 3.0) }).0;
+        assert_eq!(out.found, out.prescribed);
+        assert!((out.spacing[2] / 3.0 - 1.0).abs() < 0.2, "{:?}", out.spacing);
+        out.spacing[3]
+    };
+    let [none, some, many] = [0, 3, 20].map(spread);
+    assert!(some < 0.6 * none && many < 0.8 * some, "{none} {some} {many}");
+}
+
+#[test]
+fn away_from_a_point_lines_are_circles_about_it() {
+    // On a ball the distance is the angle, on a flat sheet it is straight.
+    let ball = shapes::icosphere(20.0, 4);
+    let pole = Vec3::new(0.0, 0.0, 20.0);
+    let sheet = shapes::grid(60, 60, 1.0);
+    let place = Vec3::new(30.0, 30.0, 0.0);
+    let angle = |p: Vec3| 20.0 * (p.dot(&pole) / 400.0).clamp(-1.0, 1.0).acos();
+    let straight = |p: Vec3| (p - place).norm();
+    let cases: [(&TriMesh, Vec3, f64, &dyn Fn(Vec3) -> f64); 2] =
+        [(&ball, pole, f64::INFINITY, &angle), (&sheet, place, 20.0, &straight)];
+    for (mesh, from, clear, distance) in cases {
+        let out = run(mesh, &options(Along::Distance(vec![from]), 4.0)).0;
+        let mut radii = Vec::new();
+        for line in &out.lines {
+            let at: Vec<f64> = line.points.iter().map(|&p| distance(p)).collect();
+            let (low, high) = at.iter().fold((f64::MAX, f64::MIN), |(a, b), &x| (a.min(x), b.max(x)));
+            // Near a border they bend to meet it at a right angle.
+            if high > clear {
+                continue;
+            }
+            assert!(high - low < 0.8 || low < 6.0, "{low} {high}");
+            radii.push(0.5 * (low + high));
+        }
+        radii.sort_by(f64::total_cmp);
+        radii.dedup_by(|a, b| (*a - *b).abs() < 1.0);
+        let inner = &radii[1..radii.len() - 1];
+        assert!(inner.windows(2).all(|it| ((it[1] - it[0]) / 4.0 - 1.0).abs() < 0.15), "{radii:?}");
+    }
+}
+
+#[test]
+fn lines_start_where_they_are_told() {
+    let mesh = shapes::icosphere(20.0, 4);
+    let ends = vec![(Spot::Near(Vec3::new(0.0, 0.0, 20.0)), 1), (Spot::Near(Vec3::new(0.0, 0.0, -20.0)), -1)];
+    let spiral = Options { singularities: ends, ..options(Z, 5.0) };
+    let top = |it: &Stripes| it.lines[0].points[0].z > 0.0;
+    // From where it begins (+1) to where it ends, unless it is to start there.
+    let (plain, _) = run(&mesh, &spiral);
+    let (turned, _) = run(&mesh, &Options { starts: vec![Vec3::new(0.0, 0.0, -30.0)], ..spiral });
+    assert_eq!((plain.lines.len(), top(&plain), top(&turned)), (1, true, false));
+    // Rings start at their points nearest to a meridian, and are what they were.
+    let starts: Vec<Vec3> = (-20..=20).map(|z| Vec3::new(30.0, 1.0, f64::from(z))).collect();
+    let (rings, _) = run(&mesh, &options(Z, 5.0));
+    let (started, _) = run(&mesh, &Options { starts: starts.clone(), ..options(Z, 5.0) });
+    assert_eq!(rings.lines.len(), started.lines.len());
+    for (a, b) in rings.lines.iter().zip(&started.lines) {
+        let miss = |p: Vec3| starts.iter().map(|s| (p - s).norm()).fold(f64::INFINITY, f64::min);
+        let n = a.points.len();
+        let points = (0..n).flat_map(|i| (0..20).map(move |k| (i, f64::from(k) / 20.0)));
+        let nearest = points.map(|(i, t)| miss(a.points[i] + (a.points[(i + 1) % n] - a.points[i]) * t));
+        let nearest = nearest.fold(f64::INFINITY, f64::min);
+        assert!(b.closed && miss(b.points[0]) <= nearest + 1e-12 && miss(b.points[0]) > nearest - 0.1);
+        assert!((a.length() / b.length() - 1.0).abs() < 1e-12 && b.points.len() == b.pieces.len());
+        for (i, (f, ends)) in b.pieces.iter().enumerate() {
+            for (p, weights) in [b.points[i], b.points[(i + 1) % b.points.len()]].iter().zip(ends) {
+                let at: Vec3 = mesh.face_positions(*f).iter().zip(weights).map(|(q, w)| q * *w).sum();
+                assert!((at - p).norm() < 1e-9);
+            }
+        }
+    }
 }
 
 #[test]
@@ -224,10 +348,12 @@ fn bad_input_is_told() {
     let base = || options(Along::Smoothest, 3.0);
     let said = error(&Options { spacing: 0.01, ..base() });
     assert!(said.contains("finer mesh") && said.contains("good for lines"), "{said}");
-    assert!(error(&Options { spacing: f64::NAN, ..base() }).contains("finer mesh"));
     assert!(error(&Options { singularities: vec![(Spot::Face(999), 1)], ..base() }).contains("face 999"));
     let said = error(&Options { singularities: vec![(Spot::Face(9), 1), (Spot::Face(8), 2)], ..base() });
     assert!(said.contains("-3 is missing"), "{said}");
+    for none in [0.0, -3.0, f64::INFINITY, f64::NAN] {
+        assert!(error(&Options { spacing: none, ..base() }).contains("must be a positive number"), "{none}");
+    }
     assert!(error(&options(Along::Guides, 3.0)).contains("zero everywhere"));
     assert!(error(&options(Along::Boundary, 3.0)).contains("no boundary"));
     let said = error(&Options { field_singularities: vec![(Spot::Face(9), 1)], ..base() });
@@ -263,7 +389,7 @@ fn lines_of_a_line_field_bend_around_its_half_turns_and_end_where_they_are_told(
                 let points: usize = stripes.lines.iter().map(|it| it.points.len()).sum();
                 assert_eq!(points, laid.crossings.len() + open, "{name}");
                 let base = laid.mesh.as_ref().unwrap();
-                let (split, lines) = cut_along(base, &laid.crossings).unwrap();
+                let (split, lines, _) = cut_along(base, &laid.crossings).unwrap();
                 assert_eq!(split.euler_characteristic(), mesh.euler_characteristic(), "{name}");
                 assert!(!lines.is_empty() && (split.total_area() / mesh.total_area() - 1.0).abs() < 1e-12, "{name}");
             }
