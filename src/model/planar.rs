@@ -180,6 +180,10 @@ pub struct Joints {
     pub missing: Vec<String>,
     /// Tabs that cross something, one sentence each.
     pub collisions: Vec<String>,
+    /// Length of seam with an allowance less than half as wide as asked, because another one is near, mm.
+    pub narrow: f64,
+    /// Where the allowances of two shores of a bay hang together: "12 mm of seam on part A".
+    pub bridged: Vec<String>,
 }
 
 /// Where a part lies: rotate by `angle` (counter-clockwise, radians), then move by `offset`.

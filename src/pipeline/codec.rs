@@ -276,7 +276,7 @@ records! {
     Mark { operation, points, closed }
     Part { name, contours, marks }
     Opening { part, width, area }
-    Joints { tabs, narrowed, holes, missing, collisions }
+    Joints { tabs, narrowed, holes, missing, collisions, narrow, bridged }
     Bend { part, angle, up, length, allowance, deduction, corrected }
     Parts { parts, refused, openings, joints, bends, on_partner, unlabelled, unnumbered }
     Placement { part, angle, offset }

@@ -109,8 +109,9 @@ impl ConfigText {
     }
 
     fn new(path: Option<PathBuf>, text: String, sets: &[String]) -> Result<Self, ConfigError> {
-        let pad = " ".repeat(text.len());
-        let as_toml = |given: &String| {
+        // Every option lies behind the text and those before it, so that a place tells which one is meant.
+        let mut from = text.len();
+        let as_toml = |given: &String, pad: &str| {
             let wrong = || ConfigError::Set { given: given.clone() };
             let (key, value) = given.split_once('=').ok_or_else(wrong)?;
             let (key, value) = (key.trim(), value.trim());
@@ -123,8 +124,13 @@ impl ConfigText {
             DeTable::parse(&line).map_err(|_| wrong())?;
             Ok(line)
         };
-        let sets = sets.iter().map(as_toml).collect::<Result<_, _>>()?;
-        Ok(Self { path, text, sets })
+        let mut lines = Vec::new();
+        for given in sets {
+            let line = as_toml(given, &" ".repeat(from))?;
+            from = line.len();
+            lines.push(line);
+        }
+        Ok(Self { path, text, sets: lines })
     }
 
     /// The config as TOML without the `--set` options.
@@ -339,6 +345,8 @@ mod tests {
         assert!(config.tables["coarsen"].get_ref().contains_key("faces"));
         let text = complaint("version = 1\n", &["seed=\"x\""]);
         assert!(text.contains("--> --set:1:8") && text.contains("| seed = \"x\""), "{text}");
+        let text = complaint("version = 1\n", &["input.mesh=a.obj", "input.mash=3"]);
+        assert!(text.contains("--> --set:1:7") && text.contains("| input.mash = 3"), "{text}");
         assert!(complaint("", &["seed"]).contains("is not KEY=VALUE"));
     }
 }

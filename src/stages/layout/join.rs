@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 
 use super::{
+    allowance,
     outline::{CRUMB, clean, near_edges},
     seams::Measured,
     tabs::{self, Tab},
@@ -18,7 +19,6 @@ use crate::{
         segment_tree::SegmentTree,
         signed_area,
     },
-    mesh::VertexId,
     model::{Joints, Mark, Operation, PieceId},
     numeric::{Cancelled, Monitor},
 };
@@ -95,8 +95,6 @@ pub(super) struct Body {
 const CORNERS: usize = 24;
 /// Material that stays around a hole, as a share of its diameter.
 const WEB: f64 = 0.5;
-/// Shares of the width of an allowance to try.
-const NARROWER: [f64; 4] = [1.0, 0.97, 0.93, 0.87];
 /// Steps along the base of a tab in which its hinge is looked for, the least length of a hinge that is worth a fold, and its
 /// distance from the outline, mm.
 const HINGE_STEP: f64 = 0.1;
@@ -140,9 +138,7 @@ pub(super) fn join(
         Join::Allowance(width) => {
             for (piece, body) in bodies.iter_mut() {
                 monitor.check()?;
-                if !add_allowance(body, *piece, seams, *width, merge) {
-                    joints.missing.push(format!("part {}, which has no allowance", body.name));
-                }
+                allowance::add(body, *piece, seams, *width, merge, &mut joints);
             }
         }
         Join::Holes(options) => {
@@ -247,66 +243,12 @@ fn hinge(base: &[Vec2], contours: &[Vec<Vec2>]) -> Option<Vec<Vec2>> {
 }
 
 /// The largest of some regions as an outline that can be cut; `None` where it cannot be one.
-fn trimmed(regions: Vec<boolean::Region>, merge: f64) -> Option<Vec<Vec<Vec2>>> {
+pub(super) fn trimmed(regions: Vec<boolean::Region>, merge: f64) -> Option<Vec<Vec<Vec2>>> {
     let region = regions.into_iter().max_by(|a, b| area(a).total_cmp(&area(b)))?;
     let kept = region.into_iter().filter(|it| signed_area(it).abs() > CRUMB);
     let contours: Vec<Vec<Vec2>> = kept.map(|it| clean(&it, &vec![false; it.len()], merge)).collect();
     // What touches itself in the coordinates of a file cannot be cut either.
     (check_outline(&contours).is_ok() && near_edges(&contours, merge).is_empty()).then_some(contours)
-}
-
-/// Adds material outside all seams of a piece, and the lines to sew along. `false` where there is no outline with it.
-fn add_allowance(body: &mut Body, piece: PieceId, seams: &[Measured], width: f64, merge: f64) -> bool {
-    let sides: Vec<([VertexId; 2], Vec<Vec2>)> = seams
-        .iter()
-        .flat_map(|it| [(it, 0), (it, 1)])
-        .filter(|(it, side)| it.sides[*side].piece == piece)
-        .map(|(it, side)| it.travelled(side))
-        .collect();
-    let chains = chains(&sides);
-    // Where the allowance would leave a slit too narrow to be cut, a little less of it leaves a wider one.
-    let tried = NARROWER.iter().find_map(|share| {
-        let mut more: Vec<Vec<Vec2>> = Vec::new();
-        for (chain, closed) in &chains {
-            let line = std::slice::from_ref(chain);
-            let width = share * width;
-            let band = if *closed { boolean::thicken(line, width) } else { boolean::band(line, width) };
-            more.extend(band.into_iter().flatten());
-        }
-        let more: Vec<Vec<Vec2>> = boolean::union(&more, &[]).into_iter().flatten().collect();
-        trimmed(boolean::union(&body.contours, &more), merge)
-    });
-    let found = tried.is_some();
-    body.contours = tried.unwrap_or_else(|| std::mem::take(&mut body.contours));
-    let sew = |(_, points): ([VertexId; 2], Vec<Vec2>)| Mark { operation: Operation::Sew, points, closed: false };
-    body.marks.extend(sides.into_iter().map(sew));
-    found
-}
-
-/// Sides of seams joined where one begins at the vertex where another ends; whether each chain is closed.
-fn chains(sides: &[([VertexId; 2], Vec<Vec2>)]) -> Vec<(Vec<Vec2>, bool)> {
-    let mut used = vec![false; sides.len()];
-    let mut out = Vec::new();
-    let follows = |v: VertexId, used: &[bool]| (0..sides.len()).find(|&k| !used[k] && sides[k].0[0] == v);
-    // Open chains begin where no side ends; what is left after them is closed.
-    let open = |k: &usize| sides.iter().all(|it| it.0[1] != sides[*k].0[0]);
-    let order: Vec<usize> = (0..sides.len()).filter(open).chain(0..sides.len()).collect();
-    for first in order {
-        if used[first] {
-            continue;
-        }
-        let mut points = vec![sides[first].1[0]];
-        let mut next = Some(first);
-        let mut end = sides[first].0[0];
-        while let Some(k) = next {
-            used[k] = true;
-            points.extend(&sides[k].1[1..]);
-            end = sides[k].0[1];
-            next = follows(end, &used);
-        }
-        out.push((points, end == sides[first].0[0]));
-    }
-    out
 }
 
 /// Adds the holes of a seam where both sides have room for them.

@@ -6,6 +6,7 @@
 //! part: a side without room for its number leaves it to the other side, which then also says what part comes there ("17 K"),
 //! and is named in [`Parts::on_partner`]. A slit whose two sides meet at its end shows by itself what belongs together.
 
+mod allowance;
 mod bends;
 mod dress;
 mod engrave;

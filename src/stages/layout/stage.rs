@@ -85,7 +85,7 @@ pub struct Craft {
 
 impl Stage for LayoutStage {
     const NAME: &'static str = "layout";
-    const VERSION: u32 = 8;
+    const VERSION: u32 = 9;
     type Input = (CutMesh, Flattening, Option<Strips>, Option<Stripes>);
     type Output = Parts;
     type Profile = Craft;
@@ -190,6 +190,7 @@ impl Stage for LayoutStage {
             "tabs": joints.tabs,
             "narrowed_tabs": joints.narrowed,
             "joining_holes": joints.holes,
+            "narrow_allowance_mm": joints.narrow,
             "unjoined_seams": joints.missing,
         });
         Section::new("outlines", table)
@@ -201,6 +202,7 @@ impl Stage for LayoutStage {
                 "collisions",
                 joints_note(joints),
             ))
+            .check(named("layout.allowance", &joints.bridged, "parts with allowances that hang together"))
             .check(named("layout.lettering", &astray, "marks astray"))
             .check(named("layout.doubled", &doubled, "lines on each other"))
             .check(Check::at_most(

@@ -133,7 +133,7 @@ pub(super) fn make(
 }
 
 /// The contours of all regions.
-fn flat(regions: Vec<boolean::Region>) -> Vec<Vec<Vec2>> {
+pub(super) fn flat(regions: Vec<boolean::Region>) -> Vec<Vec<Vec2>> {
     regions.into_iter().flatten().collect()
 }
 
