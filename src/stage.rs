@@ -8,7 +8,7 @@ use toml::{Spanned, de::DeTable};
 use crate::{
     model::{Artifact, Kind, Noun},
     numeric::Monitor,
-    profile::Profiles,
+    profile::{Profiles, shape},
 };
 
 /// What a run hands to every stage.
@@ -319,6 +319,8 @@ pub struct StageDef {
     pub makes: &'static [Kind],
     /// Parses the table.
     pub prepare: for<'t> fn(Spanned<DeTable<'t>>, &Profiles, u64) -> Result<Ready, TableError>,
+    /// JSON schema of the table.
+    pub shape: fn() -> Value,
 }
 
 impl StageDef {
@@ -330,6 +332,7 @@ impl StageDef {
             wants: <S::Input as Inputs>::WANTS,
             makes: <S::Output as Outputs>::KINDS,
             prepare: prepare::<S>,
+            shape: shape::<S>,
         }
     }
 }

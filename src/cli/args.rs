@@ -44,6 +44,8 @@ pub(super) enum Command {
         #[command(subcommand)]
         show: Option<Profiles>,
     },
+    /// Print the JSON schema of the config, for editors
+    Schema,
     /// Print a completion script for a shell
     Completions {
         /// The shell
@@ -85,6 +87,9 @@ pub(super) struct Run {
     /// No progress
     #[arg(long)]
     pub(super) quiet: bool,
+    /// Run again whenever the config, the mesh or a profile changes, until Ctrl-C
+    #[arg(long, conflicts_with = "send")]
+    pub(super) watch: bool,
     /// Send the programs to the machine when all checks hold
     #[arg(long, requires = "port")]
     pub(super) send: bool,
@@ -167,12 +172,12 @@ pub(super) struct Init {
     /// Material profile
     #[arg(long, default_value = "paper-200gsm")]
     pub(super) material: String,
-    /// Machine profile
-    #[arg(long, default_value = "drag-knife-a3")]
-    pub(super) machine: String,
-    /// The mesh to name in the config
-    #[arg(long, default_value = "model.obj")]
-    pub(super) mesh: PathBuf,
+    /// Machine profile; the first that works the material when absent
+    #[arg(long)]
+    pub(super) machine: Option<String>,
+    /// The mesh to name in the config; the only one in the folder when absent
+    #[arg(long)]
+    pub(super) mesh: Option<PathBuf>,
 }
 
 #[derive(Debug, Subcommand)]

@@ -6,7 +6,7 @@ use clap::CommandFactory;
 use super::{
     CANCEL, Exit,
     args::{Args, Check, Command, Coupon, Init, Profiles, Run, Send},
-    inspect, send, show, template,
+    inspect, send, show, template, watch,
 };
 use crate::{
     machine,
@@ -17,6 +17,7 @@ use crate::{
 /// Runs a command; every complaint has been shown when it returns.
 pub(super) fn run(args: Args) -> Exit {
     match args.command {
+        Command::Run(args) if args.watch => watch::watch(&args),
         Command::Run(args) => job(&args),
         Command::Check(args) => check(&args),
         Command::Init(args) => init(&args),
@@ -33,15 +34,19 @@ pub(super) fn run(args: Args) -> Exit {
             show::data(&String::from_utf8_lossy(&script));
             Exit::Done
         }
+        Command::Schema => {
+            show::data(&format!("{:#}", pipeline::schema()));
+            Exit::Done
+        }
         Command::Man => man(),
     }
 }
 
-fn is_config(path: &Path) -> bool {
+pub(super) fn is_config(path: &Path) -> bool {
     path.extension().is_some_and(|it| it.eq_ignore_ascii_case("toml"))
 }
 
-fn config_text(job: &Path, sets: &[String]) -> Result<ConfigText, ConfigError> {
+pub(super) fn config_text(job: &Path, sets: &[String]) -> Result<ConfigText, ConfigError> {
     if is_config(job) { ConfigText::read(job, sets) } else { ConfigText::for_mesh(job, sets) }
 }
 
@@ -76,12 +81,32 @@ fn refuse(err: &InputError) -> Exit {
     }
 }
 
+/// The config with all options of the command line.
+pub(super) fn text_of(args: &Run) -> Result<ConfigText, ConfigError> {
+    let mut sets = args.sets.clone();
+    if !args.only.is_empty() {
+        let names: Vec<String> = args.only.iter().map(|it| format!("{it:?}")).collect();
+        sets.push(format!("nest.only=[{}]", names.join(", ")));
+    }
+    config_text(&args.job, &sets)
+}
+
 fn job(args: &Run) -> Exit {
-    if let Some(threads) = args.threads
+    use_threads(args.threads);
+    run_once(args)
+}
+
+/// Fixes the number of threads; once, as there is one pool.
+pub(super) fn use_threads(threads: Option<u16>) {
+    if let Some(threads) = threads
         && let Err(err) = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global()
     {
         show::warning(&format!("--threads {threads} has no effect: {err}"));
     }
+}
+
+/// Runs the job once.
+pub(super) fn run_once(args: &Run) -> Exit {
     for stage in [&args.from, &args.to].into_iter().flatten() {
         if STAGES.iter().all(|it| it.name != stage) {
             let names: Vec<_> = STAGES.iter().map(|it| it.name).collect();
@@ -89,12 +114,8 @@ fn job(args: &Run) -> Exit {
             return Exit::Usage;
         }
     }
-    let mut sets = args.sets.clone();
-    if !args.only.is_empty() {
-        let names: Vec<String> = args.only.iter().map(|it| format!("{it:?}")).collect();
-        sets.push(format!("nest.only=[{}]", names.join(", ")));
-    }
-    let prepared = config_text(&args.job, &sets).map_err(InputError::from).and_then(|it| prepare(&it, args.seed));
+    let text = text_of(args);
+    let prepared = text.clone().map_err(InputError::from).and_then(|it| prepare(&it, args.seed));
     let Prepared { plan, source, dir } = match prepared {
         Ok(it) => it,
         Err(err) => return refuse(&err),
@@ -119,8 +140,14 @@ fn job(args: &Run) -> Exit {
             } else {
                 show::summary(&outcome.report, &out.display().to_string());
             }
-            if !is_config(&args.job) && !args.quiet {
-                show::note("this job had no config; `fabricate init` writes one to change");
+            if let Some(text) = text.ok().filter(|_| !is_config(&args.job) && !args.quiet) {
+                let seed = args.seed.map(|it| format!("seed = {it}\n")).unwrap_or_default();
+                show::note(&format!(
+                    "this job had no config; the same as one (job.toml, to change):\n\n{}{seed}\n`fabricate init --mesh {}` \
+                     writes one with the usual keys explained",
+                    text.as_config(),
+                    args.job.display()
+                ));
             }
             match (outcome.ok(), args.send) {
                 (false, true) => {
@@ -170,38 +197,42 @@ fn send_sheets(args: &Run, report: &serde_json::Value, out: &Path, machine: &pro
     send::send_to(&send, machine)
 }
 
+/// Shows every problem of a config; the mesh is read even where there are some, so that its own are told at once, too.
 fn check(args: &Check) -> Exit {
-    let prepared = config_text(&args.job, &args.sets).map_err(InputError::from).and_then(|it| prepare(&it, None));
-    let Prepared { plan, source, dir } = match prepared {
+    let text = match config_text(&args.job, &args.sets) {
         Ok(it) => it,
-        Err(err) => return refuse(&err),
+        Err(err) => return refuse(&err.into()),
+    };
+    let (config, mut problems) = match Config::parse_all(&text) {
+        Ok(it) => it,
+        Err(err) => return refuse(&err.into()),
+    };
+    let source = Source::load(&config);
+    let dir = config.output.dir.clone();
+    let plan = pipeline::plan_all(config).map_err(|mut found| problems.append(&mut found)).ok();
+    let source = match source {
+        Ok(it) => Some(it),
+        Err(InputError::Config(err)) => {
+            // `input` is also read where another of its keys was at fault.
+            problems.retain(|it| *it != err);
+            problems.push(err);
+            None
+        }
+        Err(err) => {
+            problems.iter().for_each(show::config_error);
+            let mesh = refuse(&err);
+            return if problems.is_empty() { mesh } else { Exit::Usage };
+        }
+    };
+    problems.iter().for_each(show::config_error);
+    let (Some(plan), Some(source)) = (plan.filter(|_| problems.is_empty()), source) else {
+        show::note(&format!("{} to mend", show::count(problems.len(), "problem")));
+        return Exit::Usage;
     };
     for warning in plan.warnings.iter().chain(&source.warnings) {
         show::warning(warning);
     }
-    let facts = &source.facts;
-    let stages: Vec<_> = plan.stages.iter().map(|(def, _)| def.name).collect();
-    let list = |key: &str| facts[key].as_array().cloned().unwrap_or_default();
-    let size: Vec<String> = list("size_mm").iter().filter_map(|it| it.as_f64()).map(|it| format!("{it:.1}")).collect();
-    show::data(&format!(
-        "    recipe  {}: {}\n      mesh  {}, {} vertices, {} faces, genus {}, {} boundary loops\n      size  {} mm\n  \
-         material  {}\n   machine  {}\n   formats  {}\n    output  {}\n",
-        plan.recipe,
-        stages.join(" > "),
-        facts["file"].as_str().unwrap_or_default(),
-        facts["vertices"],
-        facts["faces"],
-        facts["genus"],
-        facts["boundary_loops"],
-        size.join(" x "),
-        plan.profiles.material.title,
-        plan.profiles.machine.title,
-        plan.formats.join(", "),
-        dir.display(),
-    ));
-    for repair in list("repairs") {
-        show::data(&format!("  repaired  {}\n", repair.as_str().unwrap_or_default()));
-    }
+    show::data(&show::forecast(&plan, &source, &dir));
     Exit::Done
 }
 
@@ -220,7 +251,8 @@ fn init(args: &Init) -> Exit {
     }
     match fs::create_dir_all(&args.dir).and_then(|()| fs::write(&path, text)) {
         Ok(()) => {
-            show::note(&format!("wrote {}; `fabricate run {}` runs it", path.display(), path.display()));
+            let path = path.display();
+            show::note(&format!("wrote {path}; `fabricate check {path}` reads it, `fabricate run {path}` runs it"));
             Exit::Done
         }
         Err(err) => {
@@ -297,9 +329,25 @@ fn profiles(command: Option<Profiles>) -> Exit {
     }
 }
 
+/// The page of the program, with the options of every command.
 fn man() -> Exit {
     let mut page = Vec::new();
-    match clap_mangen::Man::new(Args::command()).render(&mut page) {
+    let mut command = Args::command();
+    command.build();
+    let mut render = || -> std::io::Result<()> {
+        clap_mangen::Man::new(command.clone()).render(&mut page)?;
+        for sub in command.get_subcommands().filter(|it| it.get_name() != "help") {
+            let man = clap_mangen::Man::new(sub.clone());
+            let mut section = Vec::new();
+            man.render_synopsis_section(&mut section)?;
+            man.render_description_section(&mut section)?;
+            man.render_options_section(&mut section)?;
+            let text = String::from_utf8_lossy(&section).replace(".SH ", ".SS ");
+            page.extend(format!(".SH \"FABRICATE {}\"\n{text}", sub.get_name().to_uppercase()).into_bytes());
+        }
+        Ok(())
+    };
+    match render() {
         Ok(()) => {
             show::data(&String::from_utf8_lossy(&page));
             Exit::Done

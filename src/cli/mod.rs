@@ -6,6 +6,7 @@ mod inspect;
 mod send;
 mod show;
 mod template;
+mod watch;
 
 use std::{
     process::ExitCode,

@@ -1,33 +1,77 @@
 //! The commented config that `fabricate init` writes.
-use super::args::Init;
-use crate::{pipeline::RECIPES, profile};
+use std::{fs, path::Path};
 
-/// A config that runs as soon as its mesh exists; `Err` names what does not exist.
+use toml::de::DeTable;
+
+use super::args::Init;
+use crate::{
+    pipeline::RECIPES,
+    profile::{self, Profiles},
+};
+
+/// Machines tried in turn for a material when none is named: what a maker is likely to have, and files for a shop at last.
+const USUAL: [&str; 4] = ["drag-knife-a3", "laser-co2", "cnc-router", "shop"];
+/// Named where the folder does not tell: a config that runs as soon as there is such a file.
+const MESH: &str = "model.obj";
+
+/// A config that runs as soon as its mesh exists; `Err` says what is wrong with what was asked for.
 pub(super) fn config(args: &Init) -> Result<String, String> {
     let recipe = RECIPES.iter().find(|it| it.name == args.recipe).ok_or_else(|| {
         let names: Vec<_> = RECIPES.iter().map(|it| it.name).collect();
         format!("unknown recipe `{}`; there are {}", args.recipe, names.join(", "))
     })?;
-    for (kind, name, list) in
-        [("material", &args.material, profile::MATERIALS), ("machine", &args.machine, profile::MACHINES)]
-    {
-        if list.iter().all(|it| it.name != name) {
-            let names: Vec<_> = list.iter().map(|it| it.name).collect();
-            return Err(format!("unknown {kind} profile `{name}`; there are {}", names.join(", ")));
-        }
-    }
     let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
+    let load = |machine: &str| {
+        let table = |name: &str| format!("profile = {}", quoted(name));
+        let (material, machine) = (table(&args.material), table(machine));
+        let parse = |text| DeTable::parse(text).expect("a quoted string is valid TOML");
+        Profiles::load(&args.dir, parse(&material).get_ref(), parse(&machine).get_ref())
+    };
+    let (machine, profiles) = match &args.machine {
+        Some(name) => (name.as_str(), load(name).map_err(|it| it.to_string())?),
+        None => {
+            let usual = USUAL.into_iter().find_map(|name| load(name).ok().map(|it| (name, it)));
+            usual.map_or_else(|| load(USUAL[0]).map(|it| (USUAL[0], it)).map_err(|it| it.to_string()), Ok)?
+        }
+    };
+    let mesh = match &args.mesh {
+        Some(path) => path.display().to_string(),
+        None => only_mesh(&args.dir).unwrap_or_else(|| MESH.into()),
+    };
+    let profile::Material { stretch, thickness, sheet, join, .. } = &profiles.material;
+    let join = format!("{:?}", join.kind).to_lowercase();
+    let sheet = sheet.map(|it| format!("{:.0}", it.mm)).join(", ");
     Ok(TEMPLATE
         .replace("{recipe}", &quoted(recipe.name))
+        .replace("{about}", recipe.about)
         .replace("{sample}", recipe.sample)
-        .replace("{mesh}", &quoted(&args.mesh.display().to_string()))
+        .replace("{mesh}", &quoted(&mesh))
         .replace("{material}", &quoted(&args.material))
-        .replace("{machine}", &quoted(&args.machine)))
+        .replace("{title}", &profiles.material.title)
+        .replace("{stretch}", &stretch.to_string())
+        .replace("{thickness}", &thickness.mm.to_string())
+        .replace("{sheet}", &sheet)
+        .replace("{join}", &join)
+        .replace("{machine}", &quoted(machine))
+        .replace("{machine_title}", &profiles.machine.title))
 }
 
-const TEMPLATE: &str = r#"# A job for `fabricate run`. Every key has a default; lines with a leading # show it.
+/// The name of the mesh in a folder, where there is one and no other.
+fn only_mesh(folder: &Path) -> Option<String> {
+    const ENDINGS: [&str; 4] = ["obj", "stl", "ply", "off"];
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let is_mesh =
+        |path: &Path| path.extension().is_some_and(|it| ENDINGS.iter().any(|known| it.eq_ignore_ascii_case(known)));
+    let names = fs::read_dir(folder).ok()?.flatten().map(|it| it.path()).filter(|it| is_mesh(it));
+    let mut names = names.filter_map(|it| it.file_name()?.to_str().map(str::to_owned));
+    names.next().filter(|_| names.next().is_none())
+}
+
+const TEMPLATE: &str = r##"# A job for `fabricate run`. Every key has a default; lines with a leading # show it or another choice.
+# For help while typing: `fabricate schema > fabricate.schema.json`, and a first line `#:schema fabricate.schema.json`.
 version = 1
 recipe = {recipe}
+# ^ {about}
 # seed = 0
 
 [input]
@@ -38,14 +82,17 @@ height = "180 mm"          # or width, depth, diagonal, or units = "mm" | "cm" |
 # fill_holes = 0           # close holes of at most this many edges
 
 [material]
-profile = {material}
-# sheet = ["210 mm", "297 mm"]   # any key of the profile can be set here: fabricate profiles show NAME
+profile = {material}       # {title}; others: fabricate profiles
+# sheet = [{sheet}]        # mm; these are its own: any key of the profile can be set here
+# thickness = {thickness}
+# stretch = {stretch}      # how far it gives without harm: more makes fewer, larger pieces
+# join.kind = "{join}"     # butt, tabs, rivets, allowance, holes, fingers
 
 [machine]
-profile = {machine}
+profile = {machine}        # {machine_title}
 
 [output]
-dir = "out"
+dir = "out"                # look at out/report.html when it has run
 # formats = ["svg", "dxf", "gcode"]
 
-{sample}"#;
+{sample}"##;

@@ -105,7 +105,8 @@ impl ConfigText {
     /// A job that names only its mesh.
     pub fn for_mesh(mesh: &Path, sets: &[String]) -> Result<Self, ConfigError> {
         let path = toml::Value::String(mesh.display().to_string());
-        Self::new(None, format!("version = 1\n\n[input]\nmesh = {path}\n"), sets)
+        // Dotted, so that further dotted keys can follow.
+        Self::new(None, format!("version = 1\ninput.mesh = {path}\n"), sets)
     }
 
     fn new(path: Option<PathBuf>, text: String, sets: &[String]) -> Result<Self, ConfigError> {
@@ -136,6 +137,19 @@ impl ConfigText {
     /// The config as TOML without the `--set` options.
     pub fn text(&self) -> &str {
         &self.text
+    }
+
+    /// A config of its own for a job that was given by options: the text with all `--set` options as dotted keys. A key that
+    /// was set twice has its last value.
+    pub fn as_config(&self) -> String {
+        let mut lines: Vec<&str> = self.sets.iter().map(|it| it.trim()).collect();
+        let key = |line: &&str| line.split('=').next().map(|it| it.trim().to_owned());
+        for k in (0..lines.len()).rev() {
+            if lines[k + 1..].iter().any(|later| key(later) == key(&lines[k])) {
+                lines.remove(k);
+            }
+        }
+        lines.iter().fold(self.text.clone(), |text, line| text + line + "\n")
     }
 
     /// Folder that relative paths in the config start from.
@@ -247,7 +261,15 @@ const PROFILES: [&str; 2] = ["material", "machine"];
 impl<'t> Config<'t> {
     /// Parses the text and its `--set` options.
     pub fn parse(source: &'t ConfigText) -> Result<Self, ConfigError> {
+        let (config, problems) = Self::parse_all(source)?;
+        problems.into_iter().next().map_or(Ok(config), Err)
+    }
+
+    /// Parses the text and its `--set` options as far as that goes: keys with a problem are left out. `Err` where the text
+    /// is no TOML.
+    pub fn parse_all(source: &'t ConfigText) -> Result<(Self, Vec<ConfigError>), ConfigError> {
         let parse = |text: &'t str| DeTable::parse(text).map_err(|err| source.toml_error(&err));
+        let mut problems = Vec::new();
         let root = parse(&source.text)?;
         let span = root.span();
         let mut root = root.into_inner();
@@ -266,7 +288,8 @@ impl<'t> Config<'t> {
             let DeValue::Table(table) = value.into_inner() else {
                 let message =
                     format!("unknown key `{name}`; at the top level there are {} and tables", HEAD.join(", "));
-                return Err(source.error(message, Some(key.span())));
+                problems.push(source.error(message, Some(key.span())));
+                continue;
             };
             // A table's own span is only its header; complaints about a missing key should point there.
             let table = Spanned::new(span, table);
@@ -279,16 +302,38 @@ impl<'t> Config<'t> {
             |table: &str| head.get(table).and_then(|it| it.get_ref().as_table()).map(key_spans).unwrap_or_default();
         let (input_spans, mut output_spans) = (spans_of("input"), spans_of("output"));
         let version_span = head.get("version").map(Spanned::span);
-        let head = Head::deserialize(toml::de::Deserializer::from(Spanned::new(span, head)));
-        let head = head.map_err(|err| source.toml_error(&err))?;
-        if head.version != 1 {
-            let message = format!("this program reads configs of version 1, not {}", head.version);
-            return Err(source.error(message, version_span));
+        let mut head = Spanned::new(span, head);
+        let read = loop {
+            match Head::deserialize(toml::de::Deserializer::from(head.clone())) {
+                Ok(read) => break read,
+                Err(err) => {
+                    problems.push(source.toml_error(&err));
+                    if !err.span().is_some_and(|it| forget(head.get_mut(), it.start)) {
+                        break Head::default();
+                    }
+                }
+            }
+        };
+        if read.version != 1 {
+            let message = format!("this program reads configs of version 1, not {}", read.version);
+            problems.push(source.error(message, version_span));
         }
-        let Head { recipe, seed, stages, input, output, .. } = head;
+        let Head { recipe, seed, stages, input, output, .. } = read;
         let formats_span = output_spans.remove("formats");
-        Ok(Self { source, recipe, seed, stages, input, input_spans, output, formats_span, profiles, tables })
+        let config = Self { source, recipe, seed, stages, input, input_spans, output, formats_span, profiles, tables };
+        Ok((config, problems))
     }
+}
+
+/// Removes the innermost entry that has its key or value at this byte of the text; `false` where there is none.
+pub(super) fn forget(table: &mut DeTable<'_>, at: usize) -> bool {
+    let inner = table.iter_mut().any(|(_, value)| match value.get_mut() {
+        DeValue::Table(inner) => forget(inner, at),
+        _ => false,
+    });
+    let blamed = table.iter().find(|(key, value)| key.span().contains(&at) || value.span().contains(&at));
+    let blamed = blamed.map(|(key, _)| key.get_ref().to_string());
+    inner || blamed.is_some_and(|key| table.remove(key.as_str()).is_some())
 }
 
 /// Spans of the values of a table by key.

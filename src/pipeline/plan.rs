@@ -3,7 +3,7 @@ use serde_json::{Value, json};
 use toml::{Spanned, de::DeTable};
 
 use super::{
-    config::{Config, ConfigError, key_spans},
+    config::{Config, ConfigError, ConfigText, forget, key_spans},
     recipes::{RECIPES, STAGES},
 };
 use crate::{
@@ -34,14 +34,26 @@ pub struct Plan {
     pub warnings: Vec<String>,
 }
 
-/// Parses every table and checks every input before anything runs.
+/// Parses every table and checks every input before anything runs; `Err` is the first problem.
 pub fn plan(config: Config<'_>) -> Result<Plan, PlanError> {
+    plan_all(config).map_err(|mut it| it.swap_remove(0))
+}
+
+/// The same, with every problem that there is (at least one).
+pub fn plan_all(config: Config<'_>) -> Result<Plan, Vec<PlanError>> {
     let source = config.source;
+    let mut problems = Vec::new();
     let table_of = |name| config.profiles.get(name).map(|it| it.get_ref().clone()).unwrap_or_default();
     let (material, machine) = (table_of("material"), table_of("machine"));
-    let profiles = Profiles::load(source.folder(), &material, &machine)
-        .map_err(|err| source.error(err.to_string(), err.span()))?;
-    let stages = stage_list(&config, profiles.machine.kind.works_blocks())?;
+    let profiles = Profiles::load(source.folder(), &material, &machine).unwrap_or_else(|err| {
+        let header = || config.profiles.get("machine").or(config.profiles.get("material")).map(Spanned::span);
+        problems.push(source.error(err.to_string(), err.span().or_else(header)));
+        Profiles::load(source.folder(), &DeTable::new(), &DeTable::new()).expect("a test loads the default profiles")
+    });
+    let stages = stage_list(&config, profiles.machine.kind.works_blocks()).unwrap_or_else(|err| {
+        problems.push(err);
+        vec![]
+    });
     let Config { seed, recipe, input, output, formats_span, mut tables, .. } = config;
     let dir = output.dir;
     let mut made = vec![Kind::SourceMesh];
@@ -50,29 +62,22 @@ pub fn plan(config: Config<'_>) -> Result<Plan, PlanError> {
             let maker = STAGES.iter().find(|it| it.makes.contains(&needs)).map_or("none", |it| it.name);
             let message =
                 format!("stage `{}` needs {needs:?}, which no earlier stage makes (stage `{maker}` does)", def.name);
-            return Err(source.error(message, config.stages.as_ref().map(Spanned::span)));
+            problems.push(source.error(message, config.stages.as_ref().map(Spanned::span)));
         }
         made.extend(def.makes);
     }
     let formats = output.formats.unwrap_or_else(|| profiles.machine.formats.clone());
     if let Some(unknown) = formats.iter().find(|it| FORMATS.iter().all(|format| format.name != it.as_str())) {
         let names: Vec<_> = FORMATS.iter().map(|it| it.name).collect();
-        return Err(source.error(format!("unknown format `{unknown}`; there are {}", names.join(", ")), formats_span));
+        problems
+            .push(source.error(format!("unknown format `{unknown}`; there are {}", names.join(", ")), formats_span));
     }
 
     let mut rows = Vec::new();
     for def in stages {
         let mut table = tables.remove(def.name).unwrap_or_else(|| Spanned::new(0..0, DeTable::new()));
         add_defaults(table.get_mut(), recipe.get_ref(), def.name);
-        let (spans, header) = (key_spans(table.get_ref()), table.span());
-        let ready = (def.prepare)(table, &profiles, seed).map_err(|err| match err {
-            TableError::Shape(err) => source.error(format!("[{}]: {}", def.name, err.message()), err.span()),
-            TableError::Value(err) => {
-                let span = spans.get(err.key).cloned().unwrap_or(header);
-                source.error(format!("[{}]: {err}", def.name), Some(span))
-            }
-        })?;
-        rows.push((def, ready));
+        rows.extend(prepare(source, def, table, &profiles, seed, &mut problems).map(|ready| (def, ready)));
     }
     let mut warnings = Vec::new();
     for (name, table) in tables {
@@ -83,7 +88,10 @@ pub fn plan(config: Config<'_>) -> Result<Plan, PlanError> {
         let known: Vec<_> = STAGES.iter().map(|it| it.name).collect();
         let message =
             format!("unknown table [{name}]; there are input, material, machine, output, {}", known.join(", "));
-        return Err(source.error(message, Some(table.span())));
+        problems.push(source.error(message, Some(table.span())));
+    }
+    if !problems.is_empty() {
+        return Err(problems);
     }
     let recipe = recipe.into_inner();
     let mut echo = json!({
@@ -99,6 +107,32 @@ pub fn plan(config: Config<'_>) -> Result<Plan, PlanError> {
         echo[def.name] = ready.options.clone();
     }
     Ok(Plan { recipe, seed, stages: rows, profiles, formats, echo, warnings })
+}
+
+/// Parses the table of a stage. A key with a problem is said and left out, so that the others are looked at, too.
+fn prepare(
+    source: &ConfigText,
+    def: StageDef,
+    mut table: Spanned<DeTable<'_>>,
+    profiles: &Profiles,
+    seed: u64,
+    problems: &mut Vec<PlanError>,
+) -> Option<Ready> {
+    loop {
+        let err = match (def.prepare)(table.clone(), profiles, seed) {
+            Ok(ready) => return Some(ready),
+            Err(err) => err,
+        };
+        let (message, span) = match &err {
+            TableError::Shape(err) => (err.message().to_owned(), err.span()),
+            TableError::Value(err) => (err.to_string(), key_spans(table.get_ref()).remove(err.key)),
+        };
+        let place = span.clone().unwrap_or(table.span());
+        problems.push(source.error(format!("[{}]: {message}", def.name), Some(place)));
+        if !span.is_some_and(|it| forget(table.get_mut(), it.start)) {
+            return None;
+        }
+    }
 }
 
 /// Adds what the recipe wants different from the defaults of a stage.

@@ -7,6 +7,7 @@ mod machine;
 mod material;
 mod mill;
 mod operations;
+mod shape;
 mod units;
 
 pub use link::{Flow, Link, ModemLine, Streaming};
@@ -15,6 +16,7 @@ pub use machine::{Bridges, Color, Corner, Dialect, Head, Knife, Layer, Machine, 
 pub use material::{Bend, JoinKind, Joining, Material, Perforation, TabSides, ToolPatch};
 pub use mill::{HotWire, LinearAxis, Mill, Rotation, TipControl, Turns};
 pub use operations::{Order, PerOperation};
+pub use shape::shape;
 pub use units::{Angle, Extent, Length};
 
 /// Share of the free area of a sheet that a piece may fill: nesting works on a grid and needs a little room.

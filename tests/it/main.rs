@@ -12,6 +12,7 @@ mod layout;
 mod machine;
 mod meshes;
 mod mill;
+mod newcomer;
 mod page;
 mod pieces;
 mod plain;

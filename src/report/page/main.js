@@ -408,16 +408,23 @@ function startChips() {
   roving(host, false);
 }
 
+/** Light or dark as the system has it, until the button says otherwise. */
 function startTheme() {
   const root = document.documentElement;
-  const dark = () => (root.dataset.theme ? root.dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches);
-  byId("theme").addEventListener("click", () => (root.dataset.theme = dark() ? "light" : "dark"));
+  const system = matchMedia("(prefers-color-scheme: dark)");
+  const follow = () => (root.dataset.theme = system.matches ? "dark" : "light");
+  follow();
+  system.addEventListener("change", follow);
+  byId("theme").addEventListener("click", () => {
+    system.removeEventListener("change", follow);
+    root.dataset.theme = root.dataset.theme === "dark" ? "light" : "dark";
+  });
 }
 
 /** A printed page has no canvas: the picture takes its place. */
 function startPrint() {
   window.addEventListener("beforeprint", () => {
-    document.querySelectorAll("details").forEach((it) => it.closest("#files, #checks, #rounds") && (it.open = true));
+    document.querySelectorAll("details").forEach((it) => it.closest("#checks") && (it.open = true));
     if (!app.viewer) return;
     app.viewer.draw();
     byId("snapshot").src = byId("canvas").toDataURL();
@@ -425,6 +432,7 @@ function startPrint() {
 }
 
 async function start() {
+  startTheme();
   header();
   app.payload = new Payload(await inflate());
   app.meshes = scene.models.map((it) => new Mesh(it, app.payload));
@@ -441,7 +449,6 @@ async function start() {
   }
   byId("panels").append(...PANELS.map((it) => it()).filter(Boolean));
   refresh();
-  startTheme();
   startPrint();
   document.addEventListener("keydown", (event) => event.key === "Escape" && (app.step !== null ? app.showStep(null) : app.select(-1)));
   document.documentElement.dataset.ready = "true";

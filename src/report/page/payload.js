@@ -79,7 +79,8 @@ function make(tag, attributes = {}, ...children) {
 function short(value) {
   if (!Number.isFinite(value)) return "–";
   const size = Math.abs(value);
-  if (size === 0) return "0";
+  // What is zero but for rounding is 0.
+  if (size < 1e-9) return "0";
   if (size >= 1000) return Math.round(value).toLocaleString("en");
   if (size >= 0.001) return String(Number(value.toPrecision(3)));
   return value.toExponential(1);

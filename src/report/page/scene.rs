@@ -89,7 +89,10 @@ fn energy(values: Vec<f64>) -> Scale {
 fn developed(made: &DevelopableMesh) -> Model {
     let about = "the mesh bent into shapes that unroll without stretching";
     let fields = vec![energy(made.energy.as_slice().to_vec())];
-    Model { fields, ..plain("developed", "Developable", about, &made.mesh) }
+    // A recipe without the flow only carries the surface on.
+    let (title, about) =
+        if made.rounds.is_empty() { ("Surface", "the surface with the lines in it") } else { ("Developable", about) };
+    Model { fields, ..plain("developed", title, about, &made.mesh) }
 }
 
 fn pieces(cut: &CutMesh, flat: Option<&Flattening>, made: Option<&DevelopableMesh>) -> Model {
