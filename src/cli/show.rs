@@ -263,7 +263,7 @@ pub(super) fn facts(facts: &Value) {
 /// Three or four significant digits; what is zero but for rounding is 0.
 fn short(value: f64) -> String {
     match value.abs() {
-        x if x < 1e-9 || x >= 1000.0 => format!("{value:.0}"),
+        x if !(1e-9..1000.0).contains(&x) => format!("{value:.0}"),
         x if x >= 1.0 => format!("{value:.2}"),
         x if x >= 1e-3 => format!("{value:.4}"),
         _ => format!("{value:.1e}"),

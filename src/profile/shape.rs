@@ -87,7 +87,7 @@ impl<'n> Tracer<'n> {
     }
 
     /// Reads into the first part that is not done, and looks whether that was the last.
-    fn into_next<T>(&self, read: impl FnOnce(&'static str, Tracer<'_>) -> Result<T, Nothing>) -> Result<T, Nothing> {
+    fn read_next<T>(&self, read: impl FnOnce(&'static str, Tracer<'_>) -> Result<T, Nothing>) -> Result<T, Nothing> {
         let result = {
             let node = self.0.borrow();
             match node.inner.iter().find(|it| !it.1.borrow().done) {
@@ -166,12 +166,12 @@ impl<'de> de::Deserializer<'de> for Tracer<'_> {
 
     fn deserialize_seq<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Nothing> {
         self.open(json!({ "type": "array" }), &["item"]);
-        self.into_next(|_, next| visitor.visit_seq(One(Some(("item", next)))))
+        self.read_next(|_, next| visitor.visit_seq(One(Some(("item", next)))))
     }
 
     fn deserialize_tuple<V: Visitor<'de>>(self, count: usize, visitor: V) -> Result<V::Value, Nothing> {
         self.open(json!({ "type": "array", "minItems": count, "maxItems": count }), &["item"]);
-        self.into_next(|_, next| visitor.visit_seq(One(Some(("item", next)))))
+        self.read_next(|_, next| visitor.visit_seq(One(Some(("item", next)))))
     }
 
     fn deserialize_tuple_struct<V: Visitor<'de>>(
@@ -204,7 +204,7 @@ impl<'de> de::Deserializer<'de> for Tracer<'_> {
             self.0.borrow_mut().done = true;
             return Err(Nothing);
         }
-        self.into_next(|key, next| visitor.visit_map(One(Some((key, next)))))
+        self.read_next(|key, next| visitor.visit_map(One(Some((key, next)))))
     }
 
     fn deserialize_enum<V: Visitor<'de>>(

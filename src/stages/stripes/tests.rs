@@ -255,8 +255,8 @@ fn away_from_a_point_lines_are_circles_about_it() {
     let place = Vec3::new(30.0, 30.0, 0.0);
     let angle = |p: Vec3| 20.0 * (p.dot(&pole) / 400.0).clamp(-1.0, 1.0).acos();
     let straight = |p: Vec3| (p - place).norm();
-    let cases: [(&TriMesh, Vec3, f64, &dyn Fn(Vec3) -> f64); 2] =
-        [(&ball, pole, f64::INFINITY, &angle), (&sheet, place, 20.0, &straight)];
+    type Case<'a> = (&'a TriMesh, Vec3, f64, &'a dyn Fn(Vec3) -> f64);
+    let cases: [Case<'_>; 2] = [(&ball, pole, f64::INFINITY, &angle), (&sheet, place, 20.0, &straight)];
     for (mesh, from, clear, distance) in cases {
         let out = run(mesh, &options(Along::Distance(vec![from]), 4.0)).0;
         let mut radii = Vec::new();
