@@ -25,6 +25,8 @@ use crate::{
     },
 };
 
+/// A surface with more tips is not taken for a body with limbs: its rings are those of a bad mesh, or far too narrow.
+const MOST_TIPS: usize = 32;
 /// Of more tips than this there are too many choices to look at all.
 const ALL_UP_TO: usize = 12;
 /// From so many of them exchanges start then.
@@ -88,7 +90,7 @@ pub struct Zipped<'a> {
 }
 
 /// Looks for indices at the tips of the rings of `rings`, which has no singularities on a surface of one component and genus 0, for which
-/// the lines are one path, or as nearly so as it can; `settle` is what is done to a parameterisation before its lines are drawn; `None` where there are not two tips.
+/// the lines are one path, or as nearly so as it can; `settle` is what is done to a parameterisation before its lines are drawn; `None` where there are not two tips, or too many.
 pub fn zip<'a>(
     mesh: &TriMesh,
     rings: &Parameterization<'a>,
@@ -99,7 +101,7 @@ pub fn zip<'a>(
     let levels = Levels { per_turn: 1, offset: 0.0 };
     let crossings = Crossings::new(mesh, &rings.alpha, &rings.n, levels);
     let Some(tips) = tips(mesh, rings, &crossings, margin) else { return Ok(None) };
-    if tips.len() < 2 {
+    if !(2..=MOST_TIPS).contains(&tips.len()) {
         return Ok(None);
     }
     let rim = rims(mesh);
