@@ -124,7 +124,7 @@ fn find_darts(own: &mut [Own]) {
 #[derive(Clone, Copy)]
 struct Place {
     contour: usize,
-    /// Way along the contour, mm.
+    /// Way along the contour with its darts closed, mm.
     along: f64,
     /// Index of the side of a seam that it belongs to.
     side: Option<usize>,
@@ -136,7 +136,7 @@ struct Shores<'a> {
     tree: SegmentTree,
     /// Of each segment's start, by its index.
     places: Vec<Place>,
-    /// Length of each contour, mm.
+    /// Length of each contour with its darts closed, mm.
     around: Vec<f64>,
 }
 
@@ -153,9 +153,13 @@ impl<'a> Shores<'a> {
                 let at = |k: usize| a + (b - a) * (k as f64 / count as f64);
                 for k in 0..count {
                     let (a, b) = (at(k), at(k + 1));
+                    let side = side_at((a + b) / 2.0);
                     segments.push(Segment { a, b, line: contour, index: places.len() });
-                    places.push(Place { contour, along, side: side_at((a + b) / 2.0) });
-                    along += (b - a).norm();
+                    places.push(Place { contour, along, side });
+                    // A dart will be closed: what lies on both sides of it are neighbours.
+                    if !side.is_some_and(|it| own[it].dart) {
+                        along += (b - a).norm();
+                    }
                 }
             }
             around.push(along);
