@@ -35,6 +35,8 @@ use crate::{
 const SAFETY: f64 = 1e-7;
 /// Angles between which a part that fits at none of its usual ones is tried on an empty sheet.
 const FINE_ANGLES: usize = 360;
+/// A lower position of a part is worth two more angles when it is below this share of the height at the others.
+const LOWER: f64 = 0.97;
 /// How much more than half the gap shapes are grown so that they can be simplified: a share of the gap, and at least a share
 /// of the room.
 const TOLERANCE: (f64, f64) = (0.1, 1e-5);
@@ -267,8 +269,12 @@ fn angles(footprint: &[Vec<Vec2>], room: Vec2, rotations: &Rotations) -> Vec<f64
         Rotations::Free(steps) => fan(least_box_angle(&footprint[0]), *steps).collect(),
     };
     angles.retain(fits);
-    if angles.is_empty() && matches!(rotations, Rotations::Free(_)) {
-        angles.extend(fan(0.0, FINE_ANGLES).find(fits));
+    if matches!(rotations, Rotations::Free(_)) {
+        // No strip is lower than a part on it, so that a part nearly as large as the room must be able to lie low.
+        let height = |angle: &f64| bounds_turned(&hull, *angle).size().y;
+        let lowest = fan(0.0, FINE_ANGLES).filter(fits).min_by(|a, b| height(a).total_cmp(&height(b)));
+        let lower = lowest.filter(|it| angles.iter().all(|other| height(it) < LOWER * height(other)));
+        angles.extend(lower.iter().flat_map(|&it| [it, it + std::f64::consts::PI]));
     }
     angles
 }

@@ -121,7 +121,7 @@ pub struct Stock {
 
 impl Stage for NestStage {
     const NAME: &'static str = "nest";
-    const VERSION: u32 = 5;
+    const VERSION: u32 = 6;
     const DRAWS: bool = true;
     type Input = Parts;
     type Output = Sheets;

@@ -256,3 +256,21 @@ fn a_last_sheet_that_becomes_empty_is_given_up_and_the_search_ends() {
     assert_eq!(sheets.sheets.len(), 1);
     check_by_brute_force(&parts, &sheets);
 }
+
+#[test]
+fn a_part_nearly_as_wide_as_the_sheet_may_lie_low() {
+    let corners = [[0., 0.], [100., 0.], [50., 30.]].map(|[x, y]| Vec2::new(x, y)).to_vec();
+    let part = Part { name: "A".into(), contours: vec![corners], marks: vec![] };
+    let parts = Parts { parts: vec![part], ..Parts::default() };
+    // At multiples of 45 degrees from its longest side it fits upright only, 70 mm high or more.
+    let roll = Options {
+        stock: vec![Vec2::new(98.0, 300.0)],
+        margin: 0.0,
+        gap: 0.1,
+        rotations: Rotations::Free(8),
+        ..options()
+    };
+    let sheets = run(&parts, &roll);
+    let height = Box2::of(sheets.sheets[0].parts[0].contours.iter().flatten()).size().y;
+    assert!(height < 50.0, "{height}");
+}
