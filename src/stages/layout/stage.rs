@@ -191,6 +191,7 @@ impl Stage for LayoutStage {
             "narrowed_tabs": joints.narrowed,
             "joining_holes": joints.holes,
             "narrow_allowance_mm": joints.narrow,
+            "hanging_allowances": joints.bridged,
             "unjoined_seams": joints.missing,
         });
         Section::new("outlines", table)
@@ -202,7 +203,6 @@ impl Stage for LayoutStage {
                 "collisions",
                 joints_note(joints),
             ))
-            .check(named("layout.allowance", &joints.bridged, "parts with allowances that hang together"))
             .check(named("layout.lettering", &astray, "marks astray"))
             .check(named("layout.doubled", &doubled, "lines on each other"))
             .check(Check::at_most(
