@@ -47,7 +47,8 @@ pub struct CoarsenStage {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub faces: Option<usize>,
     /// Largest distance from the input, either way: a length, or percent of the input's diagonal. "quadric" proves it and
-    /// stops there; "isotropic" makes more faces for it where needed, 0.4 % if not given; "sphere" likewise, 1 %.
+    /// stops there; "isotropic" makes more faces for it where needed, 0.4 % if not given; "sphere" likewise, 1 %, but a
+    /// `grid` stays as it is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_error: Option<Extent>,
     /// Length of edges, instead of `faces`. For "isotropic" only.
@@ -175,7 +176,11 @@ impl CoarsenStage {
                     pattern: self.tessellation.pattern(self.faces.unwrap_or(FACES), self.grid),
                     axes: [pole, across],
                     compensate: self.compensate,
-                    max_error: extent(self.max_error.unwrap_or(Extent::Percent(TESSELLATION_ERROR))),
+                    // A grid that was chosen line by line stays as it is unless a distance is asked for as well.
+                    max_error: match (self.max_error, self.grid) {
+                        (None, Some(_)) => f64::INFINITY,
+                        (asked, _) => extent(asked.unwrap_or(Extent::Percent(TESSELLATION_ERROR))),
+                    },
                 })
             }
             Method::Isotropic => isotropic(self.faces.unwrap_or(FACES)),
