@@ -68,15 +68,7 @@ pub fn offset(region: &[Vec<Vec2>], distance: f64) -> Vec<Region> {
 
 /// Points within `radius` of open polylines.
 pub fn thicken(lines: &[Vec<Vec2>], radius: f64) -> Vec<Region> {
-    stroke(lines, radius, LineCap::Round(ROUND_STEP))
-}
-
-/// Points within `radius` of open polylines, cut off square at their ends.
-pub fn band(lines: &[Vec<Vec2>], radius: f64) -> Vec<Region> {
-    stroke(lines, radius, LineCap::Butt)
-}
-
-fn stroke(lines: &[Vec<Vec2>], radius: f64, cap: LineCap<[f64; 2]>) -> Vec<Region> {
+    let cap = LineCap::Round(ROUND_STEP);
     let style = StrokeStyle::new(2.0 * radius)
         .line_join(LineJoin::Round(ROUND_STEP))
         .start_cap(cap.clone())

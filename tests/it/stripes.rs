@@ -6,11 +6,19 @@ fn failed(report: &serde_json::Value) -> Vec<String> {
     checks.iter().filter(|it| it["ok"] != true).map(|it| format!("{}: {}", it["name"], it["note"])).collect()
 }
 
+/// The report of a job up to its parts, all of whose checks must hold.
+fn holds(mesh: &str, settings: &[&str], out: &std::path::Path) -> serde_json::Value {
+    let mesh = fixture(mesh);
+    let mut args = vec![mesh.as_str(), "--to", "layout", "--threads", "1"];
+    settings.iter().for_each(|it| args.extend(["--set", it]));
+    let report = job(out, &args);
+    assert!(failed(&report).is_empty(), "{:?}", failed(&report));
+    report
+}
+
 #[test]
 fn a_ball_is_one_strip_that_can_be_zipped_up() {
     let out = tempfile::tempdir().unwrap();
-    let mesh = fixture("ball.off");
-    let mut args = vec![mesh.as_str(), "--to", "layout", "--threads", "1"];
     let settings = [
         "recipe=stripes",
         "input.height=\"60 mm\"",
@@ -20,9 +28,7 @@ fn a_ball_is_one_strip_that_can_be_zipped_up() {
         "cut.fit_sheet=false",
         "cut.stretch=0.01",
     ];
-    settings.iter().for_each(|it| args.extend(["--set", it]));
-    let report = job(out.path(), &args);
-    assert!(failed(&report).is_empty(), "{:?}", failed(&report));
+    let report = holds("ball.off", &settings, out.path());
     let stripes = &report["stripes"];
     assert_eq!((&stripes["lines"], &stripes["open_ends"], &stripes["closed_lines"]), (&1.into(), &2.into(), &0.into()));
     assert_eq!(stripes["found"], stripes["prescribed"]);
@@ -44,8 +50,6 @@ fn a_ball_is_one_strip_that_can_be_zipped_up() {
 #[test]
 fn a_figure_with_limbs_is_one_strip_with_one_zipper() {
     let out = tempfile::tempdir().unwrap();
-    let mesh = fixture("figure.obj");
-    let mut args = vec![mesh.as_str(), "--to", "layout", "--threads", "1"];
     let settings = [
         "recipe=stripes",
         "stripes.field=\"axis\"",
@@ -55,9 +59,7 @@ fn a_figure_with_limbs_is_one_strip_with_one_zipper() {
         "cut.fit_sheet=false",
         "cut.stretch=0.05",
     ];
-    settings.iter().for_each(|it| args.extend(["--set", it]));
-    let report = job(out.path(), &args);
-    assert!(failed(&report).is_empty(), "{:?}", failed(&report));
+    let report = holds("figure.obj", &settings, out.path());
     let stripes = &report["stripes"];
     for (key, count) in [("parts", 1), ("closed_ways", 0), ("gaps", 0), ("branches", 0), ("closed_lines", 0)] {
         assert_eq!(stripes[key], count, "{key}: {stripes}");
@@ -81,8 +83,6 @@ fn a_figure_with_limbs_is_one_strip_with_one_zipper() {
 #[test]
 fn lines_are_engraved_on_a_developable_job() {
     let out = tempfile::tempdir().unwrap();
-    let mesh = fixture("cylinder.obj");
-    let mut args = vec![mesh.as_str(), "--to", "layout", "--threads", "1"];
     let settings = [
         "stages=[\"coarsen\",\"stripes\",\"cut\",\"flatten\",\"layout\"]",
         "coarsen.method=\"off\"",
@@ -92,9 +92,7 @@ fn lines_are_engraved_on_a_developable_job() {
         "stripes.angle=90",
         "stripes.cut=false",
     ];
-    settings.iter().for_each(|it| args.extend(["--set", it]));
-    let report = job(out.path(), &args);
-    assert!(failed(&report).is_empty(), "{:?}", failed(&report));
+    let report = holds("cylinder.obj", &settings, out.path());
     // Along the axis of a cylinder of radius 30 mm: 18.8 lines around, from rim to rim.
     let lines = report["stripes"]["lines"].as_u64().unwrap();
     assert_eq!(lines, 19);
