@@ -256,7 +256,16 @@ impl Crossings {
             let behind = (0..first).map(move |i| (p - 1 - i, i));
             behind.chain((0..q - first).map(move |i| (i, q - 1 - i)))
         };
-        let length = |first: usize| pairs(first).map(|(i, k)| (place(many[i]) - place(few[k])).norm()).sum::<f64>();
+        // Lengths of the first 0, 1 … pairs of either side.
+        let sums = |pair: &dyn Fn(usize) -> (usize, usize)| {
+            let mut out = vec![0.0];
+            for (i, k) in (0..q).map(pair) {
+                out.push(out[out.len() - 1] + (place(many[i]) - place(few[k])).norm());
+            }
+            out
+        };
+        let (behind, before) = (sums(&|i| (p - 1 - i, i)), sums(&|i| (i, q - 1 - i)));
+        let length = |first: usize| behind[first] + before[q - first];
         let first = (0..=q).min_by(|&a, &b| length(a).total_cmp(&length(b)).then(a.cmp(&b))).unwrap_or(0);
         let free = &many[q - first..p - first];
         let end = self.middle(mesh, f, free, &pairs(first).map(|(i, k)| [many[i], few[k]]).collect::<Vec<_>>());

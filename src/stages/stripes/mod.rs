@@ -141,6 +141,11 @@ pub enum StripesError {
         /// The same as a frequency, 1 / mm.
         most: f64,
     },
+    /// Lines without number.
+    #[error(
+        "the lines wind {0:.0} times as densely as the spacing asks for: triangles of the mesh are so obtuse that the least energy has no bound; set intrinsic_delaunay = true, or remesh the surface (coarsen with method = \"isotropic\")"
+    )]
+    Dense(f64),
     /// The mesh with the lines in it is not a mesh.
     #[error("the mesh cannot be cut along the lines: {0}; remesh the surface (coarsen with method = \"isotropic\")")]
     Split(#[from] MeshError),
@@ -216,6 +221,11 @@ pub fn stripes(mesh: &TriMesh, options: &Options, monitor: &Monitor) -> Result<L
     it.set_field(it.omega().clone());
     let edit = monitor.seconds() - edit;
     monitor.check()?;
+    let turns = it.differences(mesh).iter().map(|x| x.abs() / TAU).sum::<f64>();
+    let (times, dense) = search::density(mesh, &it);
+    if dense && turns > LINES_PER_EDGE * mesh.edge_count() as f64 {
+        return Err(StripesError::Dense(times));
+    }
     let crossings = Crossings::new(mesh, &it.alpha, &it.n, levels);
     let lines = crossings.lines(mesh);
     let mut out = measured(mesh, &it, &lines, options);

@@ -16,8 +16,16 @@ const PLACES: usize = 24;
 const EFFORT: usize = 1_500_000;
 /// Pairs that are added at most to join lines.
 const JOINS: usize = 16;
-/// A pair is not tried further where lines then cross edges so many times as often as the field asks for.
+/// Lines that cross edges so many times as often as the field asks for are not looked at: where cotangents are negative the
+/// energy is not bounded below in the integers, and singularities far apart may wind without end.
 const DENSEST: f64 = 10.0;
+
+/// How many times as often as its field asks for lines cross edges, and whether that is more often than anything is worth.
+pub fn density(mesh: &TriMesh, it: &Parameterization) -> (f64, bool) {
+    let total = |of: &Field<EdgeId, f64>| of.iter().map(|x| x.abs()).sum::<f64>();
+    let times = total(&it.differences(mesh)) / total(it.omega());
+    (times, times > DENSEST)
+}
 
 /// Why a search ended early.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -92,8 +100,6 @@ pub fn join(
     let count = |it: &Parameterization| Crossings::new(mesh, &it.alpha, &it.n, levels).count_lines();
     let mut out = Vec::new();
     let mut now = count(it);
-    let total = |of: &Field<EdgeId, f64>| of.iter().map(|x| x.abs()).sum::<f64>();
-    let most = DENSEST * total(it.omega());
     let places = critical(mesh, it);
     while now[0] > 0 && out.len() < JOINS {
         let mut best: Option<([usize; 2], f64, [FaceId; 2])> = None;
@@ -106,7 +112,7 @@ pub fn join(
                         continue;
                     }
                     let misfit = it.misfit();
-                    let lines = (total(&it.differences(mesh)) <= most).then(|| count(it));
+                    let lines = (!density(mesh, it).1).then(|| count(it));
                     it.add_pair(end, begin)?;
                     let Some(lines) = lines else { continue };
                     if best.is_none_or(|(fewest, least, _)| lines < fewest || (lines == fewest && misfit < least)) {

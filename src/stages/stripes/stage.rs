@@ -319,7 +319,7 @@ impl Stage for StripesStage {
         };
         let note = match parting {
             0 => web,
-            _ => "take field = \"distance\" or a wider spacing, or list the ends of the lines in stripes.singularities"
+            _ => "take field = \"distance\" or a wider spacing, set intrinsic_delaunay = true where the mesh has slivers, or list the ends of the lines in stripes.singularities"
                 .into(),
         };
         section.check(Check::at_most("stripes.one_strip", parting as f64, 0.0, "parts too many", note))

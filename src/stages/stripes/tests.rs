@@ -428,4 +428,12 @@ fn obtuse_triangles_do_not_let_a_budget_run_away() {
         let (_, crossings) = run(&needle, &Options { budget: 20, join, ..options(Along::Smoothest, spacing) });
         assert!(crossings.len() < 5 * needle.edge_count(), "{}", crossings.len());
     }
+    // Ends at the tips of rings that are evened out: lines without number are said, not drawn.
+    for even in [0, 10] {
+        let from = Along::Distance(vec![needle.position(VertexId(0))]);
+        match stripes(&needle, &Options { join: true, even, ..options(from, spacing) }, &Monitor::silent()) {
+            Ok(laid) => assert!(laid.crossings.len() < 20 * needle.edge_count(), "{}", laid.crossings.len()),
+            Err(error) => assert!(matches!(error, StripesError::Dense(_)), "{error}"),
+        }
+    }
 }

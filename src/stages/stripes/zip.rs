@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 
 use super::{
     isolines::{ArcEnd, Crossings, Levels},
-    search::SearchError,
+    search::{SearchError, density},
     split::split,
 };
 use crate::{
@@ -123,6 +123,9 @@ pub fn zip<'a>(
         monitor.check()?;
         let mut it = solve(&k)?;
         settle(&mut it);
+        if density(mesh, &it).1 {
+            continue;
+        }
         for shift in 0..SHIFTS {
             let levels = Levels { per_turn: 1, offset: f64::from(shift) / f64::from(SHIFTS) };
             let crossings = Crossings::new(mesh, &it.alpha, &it.n, levels);
