@@ -54,7 +54,6 @@ fn a_figure_with_limbs_is_one_strip_with_one_zipper() {
         "recipe=stripes",
         "stripes.field=\"axis\"",
         "stripes.spacing=12",
-        "stripes.even_steps=3",
         "stripes.one_strip=true",
         "cut.fit_sheet=false",
         "cut.stretch=0.05",

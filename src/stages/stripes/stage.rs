@@ -11,6 +11,11 @@ use crate::{
     stage::{Check, Cx, Inputs, KeyError, Section, Stage},
 };
 
+/// `even_steps` along a vector field where nothing is said.
+const EVEN_STEPS: usize = 10;
+/// Share of the spacing that was asked for by which the mean distance of the lines may miss it.
+const SPACING_OFF: f64 = 0.25;
+
 /// Lines at a spacing along a field.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -46,8 +51,8 @@ pub struct StripesStage {
     /// Share of the misfit that each pair of the budget must save.
     pub least_gain: f64,
     /// How often the lines are spaced out anew at the distance that was asked for, so that they follow the field less and their
-    /// spacing more; 10 is a good number.
-    pub even_steps: usize,
+    /// spacing more; 10 without it, and none along a line field, which knows no such steps.
+    pub even_steps: Option<usize>,
     /// Whether singularities are added at the tips of the surface until rings have become one path from tip to tip and one strip
     /// is left, to be zipped up along it. It works best with rings about every limb: `field = "distance"`.
     pub one_strip: bool,
@@ -75,7 +80,7 @@ impl Default for StripesStage {
             generators: Vec::new(),
             budget: 0,
             least_gain: 0.005,
-            even_steps: 0,
+            even_steps: None,
             one_strip: false,
             starts: Vec::new(),
             cut: true,
@@ -188,7 +193,7 @@ impl StripesStage {
             budget: self.budget,
             least_gain: self.least_gain,
             join: self.one_strip,
-            even: self.even_steps,
+            even: self.even_steps.unwrap_or(if self.symmetry == 1 { EVEN_STEPS } else { 0 }),
             starts: points(&self.starts),
         }
     }
@@ -196,7 +201,7 @@ impl StripesStage {
 
 impl Stage for StripesStage {
     const NAME: &'static str = "stripes";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     type Input = (TriMesh, crate::model::SourceMesh, Option<DevelopableMesh>, Option<Guides>);
     type Output = (DevelopableMesh, Guides, Stripes);
     type Profile = ();
@@ -210,7 +215,7 @@ impl Stage for StripesStage {
         KeyError::range("curvature_strength", self.curvature_strength, 1e-6, 1e6)?;
         KeyError::range("least_gain", self.least_gain, 0.0, 1.0)?;
         KeyError::range("budget", self.budget as f64, 0.0, 1e4)?;
-        KeyError::range("even_steps", self.even_steps as f64, 0.0, 1e3)?;
+        KeyError::range("even_steps", self.even_steps.unwrap_or(0) as f64, 0.0, 1e3)?;
         let vague = |key, message: &str| Err(KeyError { key, message: message.into() });
         if !Vec3::from(self.axis).norm().is_normal() {
             return vague("axis", "must be a direction such as [0, 1, 0]");
@@ -304,6 +309,12 @@ impl Stage for StripesStage {
         let section = Section::new("stripes", table)
             .check(Check::at_most("stripes.singularities", wrong as f64, 0.0, "singularities not as prescribed", ""))
             .check(Check::at_most("stripes.periods", it.period_error, 1e-9, "rad", ""));
+        let off = if it.lines.is_empty() { 0.0 } else { (mean / self.spacing.mm - 1.0).abs() };
+        let note = format!(
+            "{mean:.2} mm apart on average; take more even_steps, a budget of singularities, or field = \"distance\""
+        );
+        let section =
+            section.check(Check::at_most("stripes.spacing", off, SPACING_OFF, "of the spacing that was asked for", note));
         if !self.one_strip {
             return section;
         }
