@@ -151,7 +151,7 @@ pub struct Seam {
 pub struct CutMesh {
     /// The opened mesh.
     pub mesh: TriMesh,
-    /// The vertex of the developed mesh that each vertex came from.
+    /// The vertex of the mesh that was cut that each vertex came from.
     pub origin: Field<VertexId, VertexId>,
     /// Which piece a face belongs to.
     pub piece_of: Field<FaceId, PieceId>,
@@ -168,6 +168,8 @@ pub struct CutMesh {
     /// Halfedges on seams that should be so many times as long in the plane as in space, both sides by the same factor; all
     /// others keep their length.
     pub rim: Vec<(HalfedgeId, f64)>,
+    /// Whether it is the mesh before it was made developable that was cut, because that took less seam.
+    pub undeveloped: bool,
 }
 
 impl CutMesh {

@@ -259,7 +259,7 @@ records! {
     Tradeoff { max_deviation, energy, seam_length, bound }
     Piece { name }
     Seam { label, sides }
-    CutMesh { mesh, origin, piece_of, pieces, seams, tolerance, seam_vertices, stretch, rim }
+    CutMesh { mesh, origin, piece_of, pieces, seams, tolerance, seam_vertices, stretch, rim, undeveloped }
     Overlap { faces, area }
     Flattening { uv, log_factor, overlaps, stretch_limit }
     Corner { point, uv }

@@ -103,6 +103,7 @@ fn pieces(cut: &CutMesh, flat: Option<&Flattening>, made: Option<&DevelopableMes
     }
     let mut fields = Vec::new();
     // A stage between may have cut new vertices into the mesh.
+    let made = made.filter(|_| !cut.undeveloped);
     if let Some(made) = made.filter(|it| cut.origin.as_slice().iter().all(|v| v.index() < it.energy.len())) {
         fields.push(energy(cut.origin.as_slice().iter().map(|&v| made.energy[v]).collect()));
     }

@@ -17,6 +17,7 @@ mod obstacle;
 mod piece;
 mod relieve;
 mod search;
+mod segment;
 mod sheet;
 mod small;
 pub mod stage;
@@ -103,12 +104,20 @@ pub enum CutError {
     Open(#[from] MeshError),
 }
 
+/// What a solution costs: pieces that are not good, then the length of the seams with the price of the pieces, mm.
+pub type Cost = (usize, f64);
+
 /// Cuts the surface.
 pub fn cut(input: &DevelopableMesh, options: &Options, monitor: &Monitor) -> Result<CutMesh, CutError> {
+    Ok(cut_at_cost(input, options, monitor)?.0)
+}
+
+/// The same with the cost, which tells which of two surfaces was cut better.
+pub fn cut_at_cost(input: &DevelopableMesh, options: &Options, monitor: &Monitor) -> Result<(CutMesh, Cost), CutError> {
     let mesh = &input.mesh;
     let is_terminal = |v| options.tolerance.is_some_and(|tolerance| input.energy[v] > tolerance);
     let found = search::search(mesh, is_terminal, options, monitor)?;
-    open(mesh, &found.cut, options, found.terminals)
+    Ok((open(mesh, &found.cut, options, found.terminals)?, found.cost))
 }
 
 /// Both halfedges of edges, with the factor of the edge.
@@ -136,5 +145,6 @@ fn open(
         seam_vertices,
         stretch: options.stretch,
         rim: rim(mesh, &options.scales),
+        undeveloped: false,
     })
 }

@@ -1,6 +1,7 @@
 //! The search for cuts: what is cut so far, the pieces that makes, and how they get better.
 use super::{
     CutError, Options, Region, divide::dividing_path, join::Failures, piece::Piece, relieve::relieving_cuts, rim,
+    segment::patches,
 };
 use crate::{
     mesh::{EdgeId, FaceId, Field, TriMesh, VertexId, operators::angle_defects},
@@ -80,6 +81,8 @@ pub(super) struct Found {
     pub(super) cut: Field<EdgeId, bool>,
     /// Number of vertices that the first cut was led through.
     pub(super) terminals: usize,
+    /// What it costs: pieces that are not good, then the length of the seams with the price of the pieces, mm.
+    pub(super) cost: (usize, f64),
 }
 
 /// Finds the edges to cut: through all vertices for which `is_terminal` holds and all that cannot be in the interior of
@@ -122,13 +125,17 @@ pub(super) fn search(
     let uncut = best.clone();
     best.solve(&terminals)?;
     let mut judged = best.judged;
-    for (k, attraction) in ATTRACTIONS.into_iter().enumerate().skip(1) {
+    for k in 1..=ATTRACTIONS.len() {
         // As much again as one attempt took must be left, and something to be saved.
         if judged + judged / k > ATTEMPTS_EFFORT || best.length(&best.seams()) == 0.0 {
             break;
         }
         let mut other = uncut.clone();
-        other.attract(attraction);
+        match ATTRACTIONS.get(k) {
+            Some(&attraction) => other.attract(attraction),
+            // Last of all, patches first.
+            None => other.cut = patches(mesh, best.pieces.iter().flatten().count(), &other.kept, monitor)?,
+        }
         other.solve(&terminals)?;
         judged += other.judged;
         if other.cost() < best.cost() {
@@ -142,7 +149,7 @@ pub(super) fn search(
     best.join(0)?;
     best.part_at_necks()?;
     best.enlarge()?;
-    Ok(Found { cut: best.cut, terminals: terminals.len() })
+    Ok(Found { cost: best.cost(), cut: best.cut, terminals: terminals.len() })
 }
 
 /// What a seam along each edge counts for.

@@ -106,6 +106,7 @@ fn cut_apart(
         seam_vertices: 0,
         stretch: 0.0,
         rim: vec![],
+        undeveloped: false,
     };
     let n = cut.mesh.vertex_count();
     let flat =

@@ -313,8 +313,13 @@ impl Stage for StripesStage {
         let note = format!(
             "{mean:.2} mm apart on average; take more even_steps, a budget of singularities, or field = \"distance\""
         );
-        let section =
-            section.check(Check::at_most("stripes.spacing", off, SPACING_OFF, "of the spacing that was asked for", note));
+        let section = section.check(Check::at_most(
+            "stripes.spacing",
+            off,
+            SPACING_OFF,
+            "of the spacing that was asked for",
+            note,
+        ));
         if !self.one_strip {
             return section;
         }

@@ -27,6 +27,7 @@ pub(super) fn one_piece((mesh, uv): (TriMesh, Vec<Vec2>)) -> (CutMesh, Flattenin
         seam_vertices: 0,
         stretch: 0.005,
         rim: vec![],
+        undeveloped: false,
         mesh,
     };
     let log_factor = Field::filled(n, 0.0);

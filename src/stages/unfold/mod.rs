@@ -157,6 +157,7 @@ fn open(mesh: &TriMesh, tiles: &Tiles, forest: &Forest) -> Result<(CutMesh, Flat
         seam_vertices: 0,
         stretch: ISOMETRY,
         rim: Vec::new(),
+        undeveloped: false,
         mesh: opening.mesh,
     };
     let mut flat =
