@@ -19,9 +19,18 @@ const CREASE_ANGLE: f64 = 0.5;
 const CREASE_DEFECT: f64 = 0.2;
 /// Vertices that |u| of so many times the limit could not spare lie on the first cut.
 const CERTAIN: f64 = 3.0;
-/// How much creases attract the seams of the solutions tried, the most promising first: which one suits a surface shows
-/// only in the end.
-const ATTRACTIONS: [f64; 4] = [0.7, 2.0, 5.0, 0.2];
+/// How a solution is begun.
+#[derive(Clone, Copy)]
+enum Attempt {
+    /// Seams join what must be cut; creases attract them so much.
+    Joined(f64),
+    /// Patches between creases first, as many as the best solution has pieces.
+    Patches,
+}
+/// How much creases attract seams in the first solution.
+const ATTRACTION: f64 = 0.7;
+/// The other solutions tried, the most promising first: which one suits a surface shows only in the end.
+const ATTEMPTS: [Attempt; 4] = [Attempt::Patches, Attempt::Joined(2.0), Attempt::Joined(5.0), Attempt::Joined(0.2)];
 /// A seam on a preferred side counts for so much of its length, …
 const PREFERRED: f64 = 0.3;
 /// … on an avoided one for so much.
@@ -102,7 +111,7 @@ pub(super) fn search(
     options.seams.iter().for_each(|&e| kept[e] = true);
     let mut best = Search {
         mesh,
-        weight: seam_weight(mesh, &toll, &curvature, ATTRACTIONS[0]),
+        weight: seam_weight(mesh, &toll, &curvature, ATTRACTION),
         toll,
         metric,
         curvature,
@@ -125,16 +134,17 @@ pub(super) fn search(
     let uncut = best.clone();
     best.solve(&terminals)?;
     let mut judged = best.judged;
-    for k in 1..=ATTRACTIONS.len() {
+    for (attempt, k) in ATTEMPTS.into_iter().zip(1..) {
         // As much again as one attempt took must be left, and something to be saved.
         if judged + judged / k > ATTEMPTS_EFFORT || best.length(&best.seams()) == 0.0 {
             break;
         }
         let mut other = uncut.clone();
-        match ATTRACTIONS.get(k) {
-            Some(&attraction) => other.attract(attraction),
-            // Last of all, patches first.
-            None => other.cut = patches(mesh, best.pieces.iter().flatten().count(), &other.kept, monitor)?,
+        match attempt {
+            Attempt::Joined(attraction) => other.attract(attraction),
+            Attempt::Patches => {
+                other.cut = patches(mesh, best.pieces.iter().flatten().count(), &other.kept, monitor)?;
+            }
         }
         other.solve(&terminals)?;
         judged += other.judged;

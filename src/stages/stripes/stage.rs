@@ -323,21 +323,26 @@ impl Stage for StripesStage {
         if !self.one_strip {
             return section;
         }
-        // What is cut tells for certain; lines only drawn are counted.
-        let parting = if it.drawn { it.web.cycles } else { it.parts.saturating_sub(1) };
-        let web = if it.web.is_path() {
-            "the lines are one path: one zipper closes the strip".into()
-        } else {
-            let (gaps, branches) = (it.web.gaps, it.web.branches);
-            format!(
-                "{gaps} gaps between the lines and {branches} branches: the strip needs as many cuts across and more zippers"
-            )
-        };
-        let note = match parting {
-            0 => web,
-            _ => "take field = \"distance\" or a wider spacing, set intrinsic_delaunay = true where the mesh has slivers, or list the ends of the lines in stripes.singularities"
-                .into(),
-        };
-        section.check(Check::at_most("stripes.one_strip", parting as f64, 0.0, "parts too many", note))
+        section.check(one_strip(it))
     }
+}
+
+/// Whether no line parts the surface, and how the strip closes.
+fn one_strip(it: &Stripes) -> Check {
+    // What is cut tells for certain; lines only drawn are counted.
+    let parting = if it.drawn { it.web.cycles } else { it.parts.saturating_sub(1) };
+    let web = if it.web.is_path() {
+        "the lines are one path: one zipper closes the strip".into()
+    } else {
+        let (gaps, branches) = (it.web.gaps, it.web.branches);
+        format!(
+            "{gaps} gaps between the lines and {branches} branches: the strip needs as many cuts across and more zippers"
+        )
+    };
+    let note = match parting {
+        0 => web,
+        _ => "take field = \"distance\" or a wider spacing, set intrinsic_delaunay = true where the mesh has slivers, or list the ends of the lines in stripes.singularities"
+            .into(),
+    };
+    Check::at_most("stripes.one_strip", parting as f64, 0.0, "parts too many", note)
 }
