@@ -9,6 +9,8 @@ pub struct Globe {
     pub points: Vec<Vec3>,
     /// The faces of the same.
     pub faces: Vec<[u32; 3]>,
+    /// Image of every vertex of the sliced surface, turned so that the poles are (0, 0, ±1).
+    pub images: Vec<Vec3>,
     /// Which way led to the map: "direct" or "hierarchical".
     pub method: String,
     /// Σ w |y_i − y_j|²; 8π for a smooth conformal map.

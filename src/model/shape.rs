@@ -31,6 +31,8 @@ pub struct Guides {
     pub scales: Vec<f64>,
     /// Lines to be engraved through a map to the sphere, as longitudes and latitudes, radians.
     pub texture: Vec<Vec<Vec2>>,
+    /// Places of the path across which rings are sliced, from its top to its bottom, mm; empty for a meridian.
+    pub path: Vec<Vec3>,
 }
 
 /// A painted part of the input.

@@ -246,9 +246,9 @@ plain_enums! {
 
 records! {
     SourceMesh { mesh, file, repairs, up }
-    Guides { seams, patches, edges, scales, texture }
+    Guides { seams, patches, edges, scales, texture, path }
     Globe {
-        points, faces, method, energy, dilatation, centroid, held, seconds, rings, lines, stretch, seam_length, seam_scale,
+        points, faces, images, method, energy, dilatation, centroid, held, seconds, rings, lines, stretch, seam_length, seam_scale,
     }
     Patch { key, triangles }
     Round {

@@ -127,6 +127,7 @@ fn reports(
         flat: store.get(),
         stripes: store.get(),
         toolpaths: store.get(),
+        globe: store.get(),
         drawings: &drawings,
         feed: &|operation| machine.tools.get(operation).map_or(0.0, |it| it.feed / 60.0),
         rapid: machine.rapid / 60.0,

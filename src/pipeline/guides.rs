@@ -37,23 +37,26 @@ struct Paint {
     faces: Option<Spanned<Vec<u32>>>,
 }
 
-/// The key of `[sphere]` that names a file; the stage reads the others.
+/// The keys of `[sphere]` that name a file or places of the input; the stage reads the others.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 struct SphereKeys {
     texture: Option<PathBuf>,
+    path: Vec<[f64; 3]>,
 }
 
 /// The guides of a job whose input file holds `soup`, times `scale`; `None` where `[cut]` names no places and `[sphere]` no
-/// lines.
+/// lines and no path.
 pub(super) fn load(config: &Config<'_>, file: &Path, soup: &Soup, scale: f64) -> Result<Option<Guides>, InputError> {
     let mut out = Guides::default();
     places(config, file, soup, scale, &mut out)?;
     if let Some(table) = config.tables.get("sphere") {
         let keys = SphereKeys::deserialize(toml::de::Deserializer::from(table.clone()));
-        if let Some(path) = keys.map_err(|err| config.source.toml_error(&err))?.texture {
+        let keys = keys.map_err(|err| config.source.toml_error(&err))?;
+        if let Some(path) = keys.texture {
             out.texture = texture(&config.source.folder().join(path))?;
         }
+        out.path = keys.path.iter().map(|&p| Vec3::from(p) * scale).collect();
     }
     Ok((out != Guides::default()).then_some(out))
 }

@@ -17,6 +17,7 @@ mod descend;
 mod harmonic;
 mod hierarchy;
 mod locate;
+mod net;
 mod poles;
 mod refine;
 mod relax;
@@ -24,11 +25,12 @@ mod surface;
 mod tessellate;
 #[cfg(test)]
 mod tests;
+mod untangle;
 
 pub use certify::{Certificate, certify};
 pub use locate::{Locator, Stretch};
+pub use net::Net;
 pub use poles::{extremes, with_poles};
-pub use refine::Net;
 pub use tessellate::{Pattern, TessellateError, pull_back};
 
 use self::surface::Surface;
@@ -36,6 +38,7 @@ use crate::{
     geom::Vec3,
     mesh::{Field, TriMesh, VertexId},
     numeric::{Cancelled, Monitor, sparse::Cholesky},
+    surface::subdivide,
 };
 
 /// How the map is found.
@@ -159,6 +162,32 @@ pub fn sphere_map(mesh: &TriMesh, method: Method, monitor: &Monitor) -> Result<S
     centre::centre(&surface.mass, &mut points, &|it| surface.is_whole(it));
     Ok(certified(&surface, points, Route::Hierarchical, held)
         .expect("every step of the hierarchy keeps all faces, exactly tested"))
+}
+
+/// Meshes whose maps have a larger mean dilatation are subdivided, at most so often, and if they have no more faces than this.
+const COARSE: f64 = 1.3;
+const SUBDIVISIONS: usize = 2;
+const MANY: usize = 50_000;
+
+/// The map, and the subdivided mesh that it is of where the faces are too large for a map that keeps angles: along a limb the
+/// map shrinks by a factor per length, and a face that is long beside the girth of its limb cannot follow that.
+pub fn resolved_map(
+    mesh: &TriMesh,
+    method: Method,
+    monitor: &Monitor,
+) -> Result<(Option<TriMesh>, SphereMap), SphereError> {
+    let mut map = sphere_map(mesh, method, monitor)?;
+    let mut finer: Option<TriMesh> = None;
+    for _ in 0..SUBDIVISIONS {
+        let before = finer.as_ref().unwrap_or(mesh);
+        if map.quality.dilatation_mean < COARSE || before.face_count() > MANY {
+            break;
+        }
+        let Ok(next) = subdivide(before) else { break };
+        map = sphere_map(&next, method, monitor)?;
+        finer = Some(next);
+    }
+    Ok((finer, map))
 }
 
 /// Refuses what is not a sphere.

@@ -28,6 +28,8 @@ fn a_globe_becomes_gores_with_caps_and_engraved_lines() {
     assert_eq!(report["flatten"]["mirrored_pairs"].as_array().unwrap().len(), 7, "six of gores, one of caps");
     assert!(report["outlines"]["engraved_lines"].as_u64().unwrap() > 100);
     assert!(out.path().join("sphere/map.obj").exists());
+    let page = std::fs::read_to_string(out.path().join("report.html")).unwrap();
+    assert!(page.contains(r#""name":"sphere""#), "the page shows the pieces on the sphere");
 }
 
 #[test]

@@ -67,7 +67,7 @@ function refresh() {
   }
   if (app.viewer) {
     app.viewer.setPieces(app.offsets, states);
-    const cut = app.meshes.find((it) => it.name === "cut");
+    const cut = hasPieces(app.mesh) ? app.mesh : app.meshes.find((it) => it.name === "cut");
     app.viewer.setLines("marked", chosen >= 0 && cut && app.mesh.pieces ? seamSegments(cut, seams, 4, INK) : null);
     app.seamNumbers = chosen >= 0 && app.mesh.pieces ? seams : [];
   }
@@ -238,10 +238,13 @@ app.paint = (name) => {
   legend(coloring);
 };
 
+/** Whether a mesh has the vertices of the cut mesh: that itself, or its image on the sphere. */
+const hasPieces = (mesh) => mesh.name === "cut" || mesh.name === "sphere";
+
 /** Names of the sets of lines that can lie on a mesh. */
 function linesOf(mesh) {
   const own = scene.lines.filter((it) => it.models.includes(mesh.name)).map((it) => it.name);
-  return [...(mesh.name === "cut" ? ["seams", "names"] : []), ...own];
+  return [...(hasPieces(mesh) ? ["seams", "names"] : []), ...own];
 }
 
 app.drawLines = () => {
@@ -268,12 +271,13 @@ function drawLabels() {
     app.anchors.forEach(({ vertex, normal }, piece) => {
       const state = viewer.states[piece + 1];
       if (state === STATE.hidden || state === STATE.dim) return;
-      const faces = viewer.unroll > 0.2 || dot(normal, back) > -0.1;
-      if (faces && mesh.name === "cut") put(viewer.place(mesh, vertex), scene.pieces[piece].name, state === STATE.selected ? "piece chosen" : "piece");
+      const outwards = mesh.name === "cut" ? normal : mesh.normalAt(vertex);
+      const faces = viewer.unroll > 0.2 || dot(outwards, back) > -0.1;
+      if (faces && hasPieces(mesh)) put(viewer.place(mesh, vertex), scene.pieces[piece].name, state === STATE.selected ? "piece chosen" : "piece");
     });
   }
   for (const seam of app.seamNumbers ?? []) {
-    const cut = app.meshes.find((it) => it.name === "cut");
+    const cut = hasPieces(mesh) ? mesh : app.meshes.find((it) => it.name === "cut");
     const vertex = seam.chains[0][Math.floor(seam.chains[0].length / 2)];
     if (viewer.unroll > 0.2 || dot(cut.normalAt(vertex), back) > 0) put(viewer.place(cut, vertex), String(seam.label), "seam");
   }

@@ -12,7 +12,7 @@ mod sheets;
 use serde_json::{Value, json};
 
 use super::pictures::Subjects;
-use crate::model::{Flattening, Operation, Stripes, Toolpaths};
+use crate::model::{Flattening, Globe, Operation, Stripes, Toolpaths};
 
 /// What the page shows.
 pub struct Content<'a> {
@@ -22,6 +22,8 @@ pub struct Content<'a> {
     pub flat: Option<&'a Flattening>,
     /// The lines of recipe `stripes`.
     pub stripes: Option<&'a Stripes>,
+    /// The map of recipe `sphere`.
+    pub globe: Option<&'a Globe>,
     /// The way of the tool.
     pub toolpaths: Option<&'a Toolpaths>,
     /// Path and content of the drawing of every sheet, as SVG.
@@ -48,6 +50,7 @@ const FIXED: &[(&str, &str)] = &[
             include_str!("sheets.js"),
             include_str!("replay.js"),
             include_str!("charts.js"),
+            include_str!("sphere.js"),
             include_str!("panels.js"),
             include_str!("main.js"),
         ),

@@ -187,7 +187,7 @@ function stripesPanel() {
 }
 
 /** Tables of the report that have a panel of their own, or are shown above. */
-const SHOWN = ["config", "stages", "checks", "files", "assembly", "stripes"];
+const SHOWN = ["config", "stages", "checks", "files", "assembly", "stripes", "sphere"];
 
 /** Everything else that was measured. */
 function measuresPanel() {
@@ -205,4 +205,4 @@ function configPanel() {
 }
 
 /** In this order; each returns an element, or null where the job has nothing of the kind. */
-const PANELS = [checksPanel, assemblyPanel, piecesPanel, stripesPanel, roundsPanel, stagesPanel, filesPanel, measuresPanel, configPanel];
+const PANELS = [checksPanel, assemblyPanel, piecesPanel, stripesPanel, spherePanel, roundsPanel, stagesPanel, filesPanel, measuresPanel, configPanel];

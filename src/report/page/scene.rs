@@ -5,7 +5,7 @@ use super::{Content, grid::Grid, pack::Pack};
 use crate::{
     geom::{Vec2, Vec3, ears::ears},
     mesh::{Field, Id, TriMesh},
-    model::{CutMesh, DevelopableMesh, Flattening, PieceId, Stripes, Strips},
+    model::{CutMesh, DevelopableMesh, Flattening, Globe, PieceId, Stripes, Strips},
 };
 
 /// A mesh to look at. Lists per vertex are empty where the mesh has no such thing.
@@ -56,6 +56,7 @@ pub(super) fn scene(content: &Content<'_>, pack: &mut Pack) -> Value {
     models.extend(subjects.developed.map(developed));
     models.extend(subjects.cut.map(|it| pieces(it, content.flat, subjects.developed)));
     models.extend(subjects.strips.map(strips));
+    models.extend(subjects.cut.zip(content.globe).and_then(|(cut, globe)| sphere(cut, content, globe)));
     let lines: Vec<Lines> =
         [subjects.strips.map(rulings), content.stripes.map(stripes)].into_iter().flatten().collect();
     let grid = Grid::of(models.iter().flat_map(|it| &it.points).map(|p| [p.x, p.y, p.z]));
@@ -119,6 +120,43 @@ fn pieces(cut: &CutMesh, flat: Option<&Flattening>, made: Option<&DevelopableMes
         fields,
         ..plain("cut", "Pieces", "the pieces that are cut out of flat material", mesh)
     }
+}
+
+/// Radius of the sphere over the diagonal of the model beside which it is seen.
+const RADIUS: f64 = 0.35;
+
+/// The pieces on the sphere, with the vertices of the cut mesh; `None` where a stage between has cut new ones into it.
+fn sphere(cut: &CutMesh, content: &Content<'_>, globe: &Globe) -> Option<Model> {
+    let source = content.subjects.source;
+    let bounds = source.mesh.bounds();
+    let origin = cut.origin.as_slice().iter().map(|&v| globe.images.get(v.index()).copied());
+    let images: Vec<Vec3> = origin.collect::<Option<_>>()?;
+    let upright = |p: &Vec3| if source.up == 1 { Vec3::new(p.y, p.z, p.x) } else { *p };
+    let middle = 0.5 * (bounds.min + bounds.max);
+    let points = images.iter().map(|p| middle + RADIUS * bounds.diagonal() * upright(p)).collect();
+    let about = "½ ln of the area on the surface over that on the sphere: above 0 the map has made the surface smaller, as \
+                 it does with limbs";
+    let scale = Scale { name: "scale", title: "Scale (log)", about, kind: "diverging", values: scales(cut, &images) };
+    let about = "the pieces where the conformal map puts them on the sphere, the poles at the top and the bottom";
+    let on_surface = pieces(cut, content.flat, None);
+    Some(Model { name: "sphere", title: "Sphere", about, points, fields: vec![scale], ..on_surface })
+}
+
+/// Half the logarithm of how many times as large the faces around a vertex are on the surface as on the sphere, but for the
+/// mean of that.
+fn scales(cut: &CutMesh, images: &[Vec3]) -> Vec<f64> {
+    let mesh = &cut.mesh;
+    let mut areas = vec![[0.0; 2]; mesh.vertex_count()];
+    for f in mesh.faces() {
+        let [a, b, c] = mesh.face_vertices(f).map(|v| images[v.index()]);
+        let both = [mesh.area(f), 0.5 * (b - a).cross(&(c - a)).norm()];
+        for v in mesh.face_vertices(f) {
+            areas[v.index()].iter_mut().zip(both).for_each(|(sum, area)| *sum += area);
+        }
+    }
+    let [surface, sphere] = areas.iter().fold([0.0; 2], |sum, it| [sum[0] + it[0], sum[1] + it[1]]);
+    let share = |it: &[f64; 2]| 0.5 * ((it[0] / surface) / (it[1] / sphere).max(f64::MIN_POSITIVE)).ln();
+    areas.iter().map(share).collect()
 }
 
 /// Panels side by side, none sharing a vertex with another.

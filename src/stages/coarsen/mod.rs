@@ -17,7 +17,7 @@ use crate::{
     },
     numeric::{Cancelled, Monitor},
     surface::sphere_map::{
-        Locator, Method, Pattern, SphereError, TessellateError, extremes, pull_back, sphere_map, with_poles,
+        Locator, Method, Pattern, SphereError, TessellateError, extremes, pull_back, resolved_map, with_poles,
     },
 };
 
@@ -131,30 +131,33 @@ pub fn remesh(source: &TriMesh, options: &IsotropicOptions, monitor: &Monitor) -
 /// A regular pattern of triangles on the surface, through its conformal map to the sphere: the pattern leads what the developed
 /// result looks like.
 pub fn tessellate(source: &TriMesh, options: &TessellationOptions, monitor: &Monitor) -> Result<TriMesh, CoarsenError> {
-    let map = sphere_map(source, Method::Auto, monitor).map_err(refused)?;
+    let (finer, map) = resolved_map(source, Method::Auto, monitor).map_err(refused)?;
+    let mapped = finer.as_ref().unwrap_or(source);
     let [top, front] = options.axes;
-    let points = with_poles(source, &map.points, extremes(source, top), front);
-    let locator = Locator::new(source, &points);
+    let points = with_poles(mapped, &map.points, extremes(mapped, top), front);
+    let locator = Locator::new(mapped, &points);
     let mut net = pull_back(&locator, options.pattern, options.compensate, monitor).map_err(|err| match err {
         TessellateError::Sphere(err) => refused(err),
         TessellateError::Mesh(err) => CoarsenError::Mesh(err),
     })?;
-    // Places between the middles of edges and faces may lie farther off than these, so the distance is measured and asked again.
     let mut distance = options.max_error;
     for _ in 0..ATTEMPTS {
+        if distance.is_finite() {
+            net.refine(distance, monitor).map_err(refused)?;
+        }
+        // Vertices of the surface may be near where the net is not, so the distance is measured.
         let made = net.mesh()?;
-        if SurfaceDistance::between(source, &made).hausdorff <= options.max_error {
+        if distance.is_infinite() || SurfaceDistance::between(source, &made).hausdorff <= options.max_error {
             return Ok(made);
         }
-        net.refine(distance, monitor).map_err(refused)?;
         distance *= CLOSER;
     }
     Ok(net.mesh()?)
 }
 
-/// Attempts at keeping a tessellation within its distance, each with less by this factor at the middles of edges.
-const ATTEMPTS: usize = 6;
-const CLOSER: f64 = 0.7;
+/// Attempts at keeping a tessellation within its distance, each with less by this factor at the vertices of the surface.
+const ATTEMPTS: usize = 4;
+const CLOSER: f64 = 0.8;
 
 fn refused(err: SphereError) -> CoarsenError {
     match err {

@@ -2,9 +2,10 @@
 //! balloons and domes.
 //!
 //! The map is turned so that two chosen places are the poles. N meridians from pole to pole (or rings at equal distances along a
-//! meridian of the surface) become edges of the mesh and seams; gores that cannot be laid flat within the material's stretch
+//! meridian of the surface, or along a path) become edges of the mesh and seams; gores that cannot be laid flat within the material's stretch
 //! are halved lengthwise. What still exceeds it is left to the stage `cut`, which the seams bind.
 mod mend;
+mod path;
 mod share;
 pub mod slice;
 pub mod stage;
@@ -21,20 +22,13 @@ use crate::{
     surface::{
         chart::{ChartBuilder, Metric},
         flatten::{FlattenError, Limit, flatten_domain},
-        sphere_map::{Locator, Method, SphereError, SphereMap, Stretch, extremes, sphere_map, with_poles},
-        subdivide,
+        sphere_map::{Locator, Method, SphereError, SphereMap, Stretch, resolved_map, with_poles},
     },
 };
 
 use share::share;
 use slice::{Sliced, middle};
 
-/// Meshes whose maps have a larger mean dilatation are subdivided, at most so often, and if they have no more faces than this.
-const COARSE: f64 = 1.3;
-const SUBDIVISIONS: usize = 2;
-const MANY: usize = 50_000;
-/// Points of a meridian along which the rings are spaced.
-const SAMPLES: usize = 2_000;
 /// Step of drawn lines, radians.
 const STEP: f64 = TAU / 360.0;
 /// A line that runs closer beside a seam than this, at less than 30° to it, is not drawn there, mm: the cut shows it.
@@ -45,7 +39,7 @@ const BESIDE: f64 = 0.5;
 pub enum Slices {
     /// From pole to pole.
     Meridians,
-    /// Rings of equal width along the first meridian.
+    /// Rings of equal width along the first meridian, or along a path.
     Rings,
 }
 
@@ -60,8 +54,10 @@ pub struct Options {
     pub count: usize,
     /// Most gores after halving; no fewer than `count`.
     pub most: usize,
-    /// The poles are the vertices farthest along this and against it.
+    /// The poles are the vertices farthest along this and against it, where there is no path.
     pub pole: Vec3,
+    /// Places, the ends of which are the poles, top first, and along which rings are equally wide, mm; empty, or at least two.
+    pub path: Vec<Vec3>,
     /// Longitude 0 passes what is farthest along this.
     pub front: Vec3,
     /// Longitude of the first seam.
@@ -112,6 +108,22 @@ pub enum GoreError {
     /// A face of the sliced mesh is not usable.
     #[error("slicing made a face that is not usable: {0}; take fewer gores, or remesh the surface first")]
     Mesh(#[from] MeshError),
+    /// The poles are one.
+    #[error(
+        "both ends of sphere.path lie nearest to one vertex of the mesh, at ({:.3}, {:.3}, {:.3}); choose ends that are farther apart, in the coordinates of the input file", place.x, place.y, place.z
+    )]
+    Ends {
+        /// The vertex, mm.
+        place: Vec3,
+    },
+    /// The path does not lead from pole to pole.
+    #[error(
+        "rings along sphere.path would cross one another near ({:.3}, {:.3}, {:.3}) mm: the path turns back there; leave out the places that make it turn, or take fewer rings", place.x, place.y, place.z
+    )]
+    Back {
+        /// Where, mm.
+        place: Vec3,
+    },
     /// A slice cannot be flattened.
     #[error("a gore cannot be laid flat: {0}; remesh the surface there or take other poles")]
     Flatten(#[from] FlattenError),
@@ -120,15 +132,15 @@ pub enum GoreError {
 /// Maps the surface to the sphere and slices it.
 pub fn gores(mesh: &TriMesh, options: &Options, monitor: &Monitor) -> Result<Gores, GoreError> {
     let started = monitor.seconds();
-    let (finer, map) = map(mesh, options.method, monitor)?;
+    let (finer, map) = resolved_map(mesh, options.method, monitor)?;
     let mesh = finer.as_ref().unwrap_or(mesh);
     let seconds = monitor.seconds() - started;
-    let points = with_poles(mesh, &map.points, extremes(mesh, options.pole), options.front);
+    let points = with_poles(mesh, &map.points, path::poles(mesh, options)?, options.front);
     let mut lines = match options.slices {
         Slices::Meridians => {
             (0..options.count).map(|k| options.start + TAU * k as f64 / options.count as f64).collect()
         }
-        Slices::Rings => ring_heights(mesh, &points, options),
+        Slices::Rings => path::ring_heights(mesh, &points, options)?,
     };
     loop {
         monitor.check().map_err(SphereError::from)?;
@@ -144,49 +156,6 @@ pub fn gores(mesh: &TriMesh, options: &Options, monitor: &Monitor) -> Result<Gor
         let faces = mesh.face_indices();
         return Ok(Gores { map, faces, mesh: sliced, points: images, seams, scales, lines, stretch, drawn, seconds });
     }
-}
-
-/// The map, and the subdivided mesh that it is of where the faces are too large for a map that keeps angles: along a limb the
-/// map shrinks by a factor per length, and a face that is long beside the girth of its limb cannot follow that.
-fn map(mesh: &TriMesh, method: Method, monitor: &Monitor) -> Result<(Option<TriMesh>, SphereMap), GoreError> {
-    let mut map = sphere_map(mesh, method, monitor)?;
-    let mut finer: Option<TriMesh> = None;
-    for _ in 0..SUBDIVISIONS {
-        let before = finer.as_ref().unwrap_or(mesh);
-        if map.quality.dilatation_mean < COARSE || before.face_count() > MANY {
-            break;
-        }
-        let next = subdivide(before)?;
-        map = sphere_map(&next, method, monitor)?;
-        finer = Some(next);
-    }
-    Ok((finer, map))
-}
-
-/// Heights on the sphere of rings that are equally far from each other along the first meridian of the surface.
-fn ring_heights(mesh: &TriMesh, points: &[Vec3], options: &Options) -> Vec<f64> {
-    let locator = Locator::new(mesh, points);
-    let (sin, cos) = options.start.sin_cos();
-    let latitude = |k: usize| {
-        let [top, bottom] = [FRAC_PI_2 - options.caps[0], options.caps[1] - FRAC_PI_2];
-        bottom + (top - bottom) * k as f64 / SAMPLES as f64
-    };
-    let mut hint = FaceId(0);
-    let mut along = vec![0.0];
-    let mut last: Option<Vec3> = None;
-    for k in 0..=SAMPLES {
-        let (z, r) = latitude(k).sin_cos();
-        let spot = locator.locate(Vec3::new(r * cos, r * sin, z), hint);
-        hint = spot.face;
-        let place = spot.position(mesh);
-        if let Some(last) = last {
-            along.push(along[along.len() - 1] + (place - last).norm());
-        }
-        last = Some(place);
-    }
-    let whole = along[SAMPLES];
-    let at = |share: f64| latitude(along.partition_point(|&it| it < share * whole).min(SAMPLES)).sin();
-    (1..options.count).map(|k| at(k as f64 / options.count as f64)).collect()
 }
 
 type SlicedMesh = (TriMesh, Vec<Vec3>, Vec<EdgeId>);

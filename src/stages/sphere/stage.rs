@@ -28,6 +28,10 @@ pub struct SphereStage {
     pub most: usize,
     /// The poles lie where the input ends in this direction and against it; up when absent.
     pub pole: Option<[f64; 3]>,
+    /// Places of the input, in its own coordinates: the first and the last are the poles instead of `pole`, and rings are equally
+    /// wide along the way between them, past the places in between.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub path: Vec<[f64; 3]>,
     /// The first meridian passes where the input ends in this direction.
     pub front: Option<[f64; 3]>,
     /// Longitude of the first seam.
@@ -54,6 +58,7 @@ impl Default for SphereStage {
             count: 12,
             most: 48,
             pole: None,
+            path: Vec::new(),
             front: None,
             start: Angle::degrees(0.0),
             caps: [Angle::degrees(0.0); 2],
@@ -81,7 +86,7 @@ pub enum MethodKey {
 pub enum SlicesKey {
     /// From pole to pole.
     Meridians,
-    /// Rings of equal width along the first seam's meridian.
+    /// Rings of equal width along the first seam's meridian, or along `path`.
     Rings,
 }
 
@@ -110,6 +115,7 @@ impl SphereStage {
             count: self.count,
             most: self.most.max(self.count),
             pole,
+            path: guides.map(|it| it.path.clone()).unwrap_or_default(),
             front: self.front.map_or_else(|| unit(pole.iamin()), Vec3::from),
             start: self.start.radians,
             caps: self.caps.map(|it| it.radians),
@@ -123,7 +129,7 @@ impl SphereStage {
 
 impl Stage for SphereStage {
     const NAME: &'static str = "sphere";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type Input = (SourceMesh, Option<Guides>);
     type Output = (DevelopableMesh, Guides, Stripes, Globe);
     type Profile = Stock;
@@ -145,6 +151,23 @@ impl Stage for SphereStage {
         }
         if self.graticule.radians != 0.0 {
             KeyError::range("graticule", self.graticule.radians.to_degrees(), 1.0, 90.0)?;
+        }
+        let refuse = |message: &str| Err(KeyError { key: "path", message: message.into() });
+        match self.path.len() {
+            0 | 2 => {}
+            1 => return refuse("needs at least two places, [x, y, z] each: its ends become the poles"),
+            _ if self.slices == SlicesKey::Meridians => {
+                return refuse(
+                    "may pass places between its ends for slices = \"rings\" only; give its two ends for gores",
+                );
+            }
+            _ => {}
+        }
+        if self.path.iter().flatten().any(|it| !it.is_finite()) {
+            return refuse("must be places such as [0, 10, 2.5], in the coordinates of the input");
+        }
+        if self.pole.is_some() && !self.path.is_empty() {
+            return refuse("says where the poles are, and so does `pole`: write one of them");
         }
         for (key, axis) in [("pole", self.pole), ("front", self.front)] {
             if axis.is_some_and(|it| !Vec3::from(it).norm().is_normal()) {
@@ -242,6 +265,7 @@ fn globe(made: &Gores, rings: bool) -> Globe {
     Globe {
         points: made.map.points.as_slice().to_vec(),
         faces: made.faces.clone(),
+        images: made.points.clone(),
         method: match made.map.route {
             Route::Direct => "direct",
             Route::Hierarchical => "hierarchical",

@@ -9,6 +9,7 @@ fn options() -> Options {
         count: 12,
         most: 12,
         pole: Vec3::z(),
+        path: Vec::new(),
         front: Vec3::x(),
         start: 0.0,
         caps: [0.0; 2],
@@ -87,6 +88,54 @@ fn rings_are_equally_wide_along_the_meridian() {
     assert!(made.stretch.iter().all(|it| it.is_finite()));
     let halved = gores(&globe, &Options { stretch: 0.02, most: 40, ..ringed }, &Monitor::silent()).unwrap();
     assert!(halved.lines.len() > 5 && halved.stretch.iter().all(|it| *it <= 0.02), "{:?}", halved.stretch);
+}
+
+#[test]
+fn rings_are_equally_wide_along_a_path() {
+    // An egg that lies along x, and a path along its back from tip to tip.
+    let egg = shapes::icosphere(50.0, 4);
+    let long = |p: &Vec3| Vec3::new(p.x * if p.x > 0.0 { 2.0 } else { 1.2 }, p.y, p.z);
+    let mesh = TriMesh::new(egg.positions().iter().map(long).collect(), &egg.face_indices()).unwrap();
+    let path = vec![Vec3::new(100.0, 0.0, 0.0), Vec3::new(0.0, 0.0, 60.0), Vec3::new(-60.0, 0.0, 0.0)];
+    // The rings are opened along y.
+    let ringed = Options { slices: Slices::Rings, count: 8, stretch: 1.0, front: Vec3::y(), path, ..options() };
+    let made = gores(&mesh, &ringed, &Monitor::silent()).unwrap();
+    assert_eq!((made.lines.len(), pieces(&made).len()), (7, 8));
+    assert!(pieces(&made).iter().all(|it| it.1 == 1 && it.2 == 1));
+    // Where the seams meet the back.
+    let mut back: Vec<Vec3> = made
+        .seams
+        .iter()
+        .filter_map(|&e| {
+            let [a, b] = made.mesh.edge_vertices(e).map(|v| made.mesh.position(v));
+            let share = a.y / (a.y - b.y);
+            ((0.0..1.0).contains(&share) && a.z.min(b.z) > 0.0).then(|| a + share * (b - a))
+        })
+        .collect();
+    back.sort_by(|a, b| a.x.total_cmp(&b.x));
+    back.dedup_by(|a, b| (*a - *b).norm() < 1.0);
+    assert_eq!(back.len(), 7, "{back:?}");
+    let steps: Vec<f64> = back.windows(2).map(|it| (it[1] - it[0]).norm()).collect();
+    let (least, most) = steps.iter().fold((f64::INFINITY, 0.0_f64), |(a, b), &it| (a.min(it), b.max(it)));
+    assert!(most < 1.12 * least, "chords of equal arcs: {steps:?}");
+    // Gores between the same two poles.
+    let ends = Options { path: vec![Vec3::new(100.0, 0.0, 0.0), Vec3::new(-60.0, 0.0, 0.0)], ..options() };
+    let made = gores(&mesh, &ends, &Monitor::silent()).unwrap();
+    let top = made.points.iter().position(|p| p.z == 1.0).unwrap();
+    assert!((made.mesh.positions().as_slice()[top].x - 100.0).abs() < 1e-9);
+}
+
+#[test]
+fn a_path_that_turns_back_is_refused_with_where() {
+    let globe = shapes::icosphere(50.0, 3);
+    let place = |latitude: f64| Vec3::new(50.0 * latitude.cos(), 0.0, 50.0 * latitude.sin());
+    let path = vec![place(1.57), place(-1.2), place(1.2), place(-1.57)];
+    let back = Options { slices: Slices::Rings, count: 9, path, ..options() };
+    let said = gores(&globe, &back, &Monitor::silent()).unwrap_err().to_string();
+    assert!(said.contains("turns back") && said.contains("leave out"), "{said}");
+    let one = Options { path: vec![place(0.0), place(0.001)], ..back };
+    let said = gores(&globe, &one, &Monitor::silent()).unwrap_err().to_string();
+    assert!(said.contains("nearest to one vertex"), "{said}");
 }
 
 #[test]

@@ -33,7 +33,7 @@ pub(super) fn is_positive([a, b, c]: [Vec3; 3]) -> bool {
 }
 
 /// A number with the sign of det(a, b, c). The fourth point of the predicate is the origin, so its differences are exact.
-fn sign(a: Vec3, b: Vec3, c: Vec3) -> f64 {
+pub(super) fn sign(a: Vec3, b: Vec3, c: Vec3) -> f64 {
     let coord = |p: Vec3| Coord3D { x: p.x, y: p.y, z: p.z };
     orient3d(coord(a), coord(b), coord(c), Coord3D { x: 0.0, y: 0.0, z: 0.0 })
 }

@@ -1,8 +1,8 @@
 //! From the sphere back to the surface: which face a direction lies in, and lines on the sphere as pieces of faces.
-use super::certify::is_positive;
+use super::certify::sign;
 use crate::{
     geom::Vec3,
-    mesh::{FaceId, TriMesh, distance::SurfacePoint},
+    mesh::{FaceId, Id, TriMesh, VertexId, distance::SurfacePoint},
 };
 
 /// Halvings of a stretch between faces that are not neighbours; a stretch that is shorter still is left out.
@@ -38,7 +38,12 @@ impl<'a> Locator<'a> {
         self.mesh
     }
 
-    fn corners(&self, f: FaceId) -> [Vec3; 3] {
+    /// Image of a vertex.
+    pub fn point(&self, v: VertexId) -> Vec3 {
+        self.points[v.index()]
+    }
+
+    pub(super) fn corners(&self, f: FaceId) -> [Vec3; 3] {
         self.mesh.face_vertices(f).map(|v| self.points[v.0 as usize])
     }
 
@@ -54,35 +59,12 @@ impl<'a> Locator<'a> {
 
     /// The face that a direction lies in, searched by walking from `hint`, where it is quickest.
     pub fn locate(&self, p: Vec3, hint: FaceId) -> SurfacePoint {
-        let mut at = hint;
-        let longest = 200 + 8 * (self.mesh.face_count() as f64).sqrt() as usize;
-        for step in 0..longest {
-            let [a, b, c] = self.corners(at);
-            let inside = [a.dot(&b.cross(&p)), b.dot(&c.cross(&p)), c.dot(&a.cross(&p))];
-            // Another side first on every other step, so that a walk in a circle ends.
-            let sides = if step % 2 == 0 { [0, 1, 2] } else { [2, 1, 0] };
-            let Some(k) = sides.into_iter().find(|&k| inside[k] < 0.0) else {
-                if (a + b + c).dot(&p) > 0.0 {
-                    return self.spot(at, p);
-                }
-                break;
-            };
-            let Some(twin) = self.mesh.twin(self.mesh.face_halfedges(at)[k]) else { break };
-            at = self.mesh.face(twin);
-        }
-        self.search(p)
-    }
-
-    /// The same by looking at every face.
-    fn search(&self, p: Vec3) -> SurfacePoint {
-        let depth = |f: FaceId| {
-            let [a, b, c] = self.corners(f);
-            let least =
-                [a.cross(&b), b.cross(&c), c.cross(&a)].map(|it| it.dot(&p)).into_iter().fold(f64::INFINITY, f64::min);
-            if (a + b + c).dot(&p) > 0.0 { least } else { f64::NEG_INFINITY }
-        };
-        let best = self.mesh.faces().max_by(|&f, &g| depth(f).total_cmp(&depth(g)).then(g.cmp(&f)));
-        self.spot(best.unwrap_or(FaceId(0)), p)
+        let corners = |f: FaceId| self.corners(f);
+        let across = |f: FaceId, k: usize| self.mesh.twin(self.mesh.face_halfedges(f)[k]).map(|t| self.mesh.face(t));
+        let face = walk(p, hint, self.mesh.face_count(), corners, across)
+            .or_else(|| search(p, self.mesh.faces(), corners))
+            .unwrap_or(FaceId(0));
+        self.spot(face, p)
     }
 
     fn spot(&self, face: FaceId, p: Vec3) -> SurfacePoint {
@@ -153,10 +135,44 @@ impl<'a> Locator<'a> {
             self.join([middle, q], [spot, to], halvings - 1, out);
         }
     }
+}
 
-    /// Whether a move of the image of a vertex keeps the faces `fan` (its opposite edges) open.
-    pub(super) fn is_open(p: Vec3, fan: impl Iterator<Item = [Vec3; 2]>) -> bool {
-        let mut fan = fan;
-        fan.all(|[b, c]| is_positive([p, b, c]))
+/// Goes from face to face towards a direction, by exact predicates, as faces may be smaller than the rounding of a product;
+/// `corners` of a face on the sphere, the face `across` its side from corner k to the
+/// next. `None` where faces are turned over on the way.
+pub(super) fn walk(
+    p: Vec3,
+    hint: FaceId,
+    faces: usize,
+    corners: impl Fn(FaceId) -> [Vec3; 3],
+    across: impl Fn(FaceId, usize) -> Option<FaceId>,
+) -> Option<FaceId> {
+    let mut at = hint;
+    let longest = 200 + 8 * (faces as f64).sqrt() as usize;
+    for step in 0..longest {
+        let [a, b, c] = corners(at);
+        let ends = [[a, b], [b, c], [c, a]];
+        // Another side first on every other step, so that a walk in a circle ends.
+        let sides = if step % 2 == 0 { [0, 1, 2] } else { [2, 1, 0] };
+        match sides.into_iter().find(|&k| sign(ends[k][0], ends[k][1], p) < 0.0) {
+            Some(k) => at = across(at, k)?,
+            None => return ((a + b + c).dot(&p) > 0.0).then_some(at),
+        }
     }
+    None
+}
+
+/// The same by looking at every face: the one that the direction lies deepest in.
+pub(super) fn search(
+    p: Vec3,
+    faces: impl Iterator<Item = FaceId>,
+    corners: impl Fn(FaceId) -> [Vec3; 3],
+) -> Option<FaceId> {
+    let depth = |f: FaceId| {
+        let [a, b, c] = corners(f);
+        let least =
+            [a.cross(&b), b.cross(&c), c.cross(&a)].map(|it| it.dot(&p)).into_iter().fold(f64::INFINITY, f64::min);
+        if (a + b + c).dot(&p) > 0.0 { least } else { f64::NEG_INFINITY }
+    };
+    faces.map(|f| (depth(f), f)).max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1))).map(|it| it.1)
 }

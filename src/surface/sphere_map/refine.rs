@@ -1,83 +1,147 @@
-//! Divides the edges of a tessellation where the surface lies far from it: limbs that a pattern on the sphere passes over.
-use super::{SphereError, locate::Locator};
+//! Divides the faces of a tessellation where the surface lies far from it: limbs that a pattern on the sphere passes over.
+use super::{SphereError, net::Net};
 use crate::{
     geom::{Vec3, closest_on_triangle},
-    mesh::{FaceId, HalfedgeId, Id, MeshError, TriMesh, VertexId, distance::SurfacePoint},
-    numeric::{Cancelled, Monitor},
-    surface::{
-        collapse::{EdgeQueue, quality},
-        edit::EditMesh,
-    },
+    mesh::{Bvh, FaceId, HalfedgeId, Id, VertexId},
+    numeric::Monitor,
 };
 
 /// At most so many times the vertices that there were.
-const GROWTH: usize = 6;
-/// No edge is divided where that makes a face of a lower quality.
-const SLIVER: f64 = 0.05;
-/// The monitor is asked after so many divided edges.
-const ASK: usize = 256;
+const GROWTH: usize = 8;
+/// Passes at most.
+const PASSES: usize = 40;
+/// Passes without a new vertex after which there will be none.
+const STALE: usize = 6;
+/// A place of the surface that is farther from its face than this share of the longest edge becomes a vertex: the tip of a limb
+/// that the face cuts off. Nearer ones have the longest edge divided, which keeps the shapes of faces.
+const TIP: f64 = 0.3;
+/// No edge is divided where that makes a face of a lower quality, unless nothing else is left.
+const SLIVER: f64 = 0.15;
+const LEAST: f64 = 0.01;
+/// An edge is turned where that brings its faces closer to the surface by this factor.
+const LOWER: f64 = 0.7;
+/// Places on a long edge of the surface are this share of the mean edge of the net apart.
+const APART: f64 = 0.25;
+/// Sweeps of smoothing between passes and at the end.
+const BETWEEN: usize = 2;
+const AFTER: usize = 10;
 
-/// A tessellation on the surface that knows where its vertices are on the sphere.
-#[derive(Debug)]
-pub struct Net<'a> {
-    locator: &'a Locator<'a>,
-    edit: EditMesh,
-    points: Vec<Vec3>,
-    spots: Vec<SurfacePoint>,
-    most: usize,
-}
+/// A place of the surface, and its image on the sphere.
+type Sample = (Vec3, Vec3);
 
-impl<'a> Net<'a> {
-    /// `points` on the sphere lie at `spots`.
-    pub(super) fn new(
-        locator: &'a Locator<'a>,
-        faces: &[[u32; 3]],
-        points: Vec<Vec3>,
-        spots: Vec<SurfacePoint>,
-    ) -> Result<Self, MeshError> {
-        let places = spots.iter().map(|it| it.position(locator.mesh())).collect();
-        let edit = EditMesh::new(&TriMesh::new(places, faces)?);
-        Ok(Self { locator, edit, most: GROWTH * points.len(), points, spots })
-    }
-
-    /// Its faces as a mesh.
-    pub fn mesh(&self) -> Result<TriMesh, MeshError> {
-        self.edit.finish()
-    }
-
-    /// Divides edges until the surface that belongs to the middles of edges and faces lies within `distance`, mm, of them; the
-    /// longest edge of a face first, which keeps the shapes of the faces (Rivara 1984). Whether there was anything to do.
-    pub fn refine(&mut self, distance: f64, monitor: &Monitor) -> Result<bool, SphereError> {
-        // The queue hands out the least price first.
-        let top = self.locator.mesh().bounds().diagonal();
-        let mut queue = EdgeQueue::default();
-        for h in self.edit.edges().collect::<Vec<_>>() {
-            queue.set(&self.edit, h, top - self.departure(h));
-        }
-        let mut divided = 0;
-        while let Some((price, edge)) = queue.pop() {
-            if top - price <= distance || self.points.len() >= self.most {
+impl Net<'_> {
+    /// Divides faces until every vertex of the surface lies within `distance`, mm, of the face that covers it.
+    pub fn refine(&mut self, distance: f64, monitor: &Monitor) -> Result<(), SphereError> {
+        let samples = self.samples();
+        let bvh = Bvh::new(self.locator.mesh());
+        let most = GROWTH * self.points.len();
+        let (mut before, mut stale) = (0, 0);
+        for pass in 0..PASSES {
+            monitor.check()?;
+            monitor.progress(pass as f64 / PASSES as f64, "dividing the tessellation");
+            let far = self.far(&samples, &bvh, distance);
+            stale = if self.points.len() > before { 0 } else { stale + 1 };
+            if far.is_empty() || self.points.len() >= most || stale > STALE {
                 break;
             }
-            if divided % ASK == 0 {
-                monitor.check().map_err(|it: Cancelled| SphereError::from(it))?;
+            before = self.points.len();
+            let mut touched = vec![false; self.edit.halfedge_capacity() / 3];
+            for (depth, f, sample) in far {
+                if touched[f.index()] {
+                    continue;
+                }
+                let Some(new) = self.open(f, depth, samples.get(sample), (pass % 2 == 0).then_some(&bvh)) else {
+                    continue;
+                };
+                for h in self.edit.outgoing(new) {
+                    let f = self.edit.face(h).index();
+                    if f >= touched.len() {
+                        touched.resize(f + 1, true);
+                    }
+                    touched[f] = true;
+                }
             }
-            let Some(middle) = self.divide(self.longest(edge)) else { continue };
-            divided += 1;
-            let around: Vec<HalfedgeId> =
-                self.edit.outgoing(middle).flat_map(|h| [h, self.edit.next(h)]).chain([edge]).collect();
-            for h in around {
-                queue.set(&self.edit, h, top - self.departure(h));
+            self.turn();
+            self.untangle();
+            for _ in 0..BETWEEN {
+                self.smooth(1.0, 0.0);
             }
         }
-        Ok(divided > 0)
+        for _ in 0..AFTER {
+            self.turn();
+            self.untangle();
+            self.smooth(1.0, 0.0);
+        }
+        Ok(())
     }
 
-    fn length(&self, h: HalfedgeId) -> f64 {
-        self.edit.vector(h).norm()
+    /// The vertices of the surface, and places along its long edges.
+    fn samples(&self) -> Vec<Sample> {
+        let mesh = self.locator.mesh();
+        let mean = (mesh.total_area() / self.edit.face_count() as f64 * 4.0 / 3.0_f64.sqrt()).sqrt();
+        let mut out: Vec<Sample> = mesh.vertices().map(|v| (mesh.position(v), self.locator.point(v))).collect();
+        for e in mesh.edges() {
+            let ends = mesh.edge_vertices(e);
+            let [a, b] = ends.map(|v| mesh.position(v));
+            let [p, q] = ends.map(|v| self.locator.point(v));
+            let parts = (mesh.edge_length(e) / (APART * mean)).ceil().max(1.0);
+            out.extend((1..parts as usize).map(|k| {
+                let t = k as f64 / parts;
+                (a + t * (b - a), (p + t * (q - p)).normalize())
+            }));
+        }
+        out
     }
 
-    /// From an edge over longer edges of its faces to one that is the longest of both.
+    /// Faces with a place farther away than `distance`, the farthest first: how far, and the place.
+    fn far(&self, samples: &[Sample], bvh: &Bvh, distance: f64) -> Vec<(f64, FaceId, usize)> {
+        let mut worst = vec![(0.0, 0); self.edit.halfedge_capacity() / 3];
+        let mut hint = self.edit.faces().next().unwrap_or(FaceId(0));
+        for (i, &(place, point)) in samples.iter().enumerate() {
+            hint = self.face_at(point, hint);
+            let off = |f: FaceId| closest_on_triangle(&place, &self.edit.face_positions(f)).1.sqrt();
+            let beside = Self::halfedges(hint).into_iter().filter_map(|h| self.edit.twin(h)).map(|t| self.edit.face(t));
+            let depth = beside.map(off).fold(off(hint), f64::min);
+            let slot: &mut (f64, usize) = &mut worst[hint.index()];
+            if depth > slot.0 {
+                *slot = (depth, i);
+            }
+        }
+        for f in self.edit.faces() {
+            let height = self.height(f, bvh);
+            if height > worst[f.index()].0 {
+                worst[f.index()] = (height, usize::MAX);
+            }
+        }
+        let faces = worst.into_iter().enumerate().filter(|it| it.1.0 > distance);
+        let mut far: Vec<(f64, FaceId, usize)> = faces.map(|(f, (depth, i))| (depth, FaceId::new(f), i)).collect();
+        far.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        far
+    }
+
+    /// Brings a face closer to the surface: a new vertex or, given `bvh`, another edge. A vertex in the middle of what has changed.
+    fn open(&mut self, f: FaceId, depth: f64, sample: Option<&Sample>, bvh: Option<&Bvh>) -> Option<VertexId> {
+        let sides = Self::halfedges(f);
+        let longest = sides.into_iter().max_by(|&g, &h| self.length(g).total_cmp(&self.length(h)))?;
+        let insert = |net: &mut Self| sample.and_then(|it| net.insert(f, it.1));
+        if depth > TIP * self.length(longest)
+            && let Some(new) = insert(self)
+        {
+            return Some(new);
+        }
+        if let Some(bvh) = bvh.filter(|_| sample.is_none())
+            && let Some(h) = sides.into_iter().find(|&h| self.lower(h, LOWER, bvh))
+        {
+            return Some(self.edit.tail(h));
+        }
+        let edge = self.longest(longest);
+        self.divide(edge, SLIVER).or_else(|| insert(self)).or_else(|| self.divide(longest, LEAST)).or_else(|| {
+            let centre = self.centre(f)?;
+            self.insert(f, centre)
+        })
+    }
+
+    /// From an edge over longer edges of its faces to one that is the longest of both (Rivara 1984).
     fn longest(&self, edge: HalfedgeId) -> HalfedgeId {
         let mut at = edge;
         loop {
@@ -88,56 +152,5 @@ impl<'a> Net<'a> {
                 _ => return at,
             }
         }
-    }
-
-    /// Divides an edge where the middle of its ends on the sphere lies on the surface; `None` where that would leave a sliver.
-    fn divide(&mut self, h: HalfedgeId) -> Option<VertexId> {
-        let ends = [self.edit.tail(h), self.edit.head(h)].map(VertexId::index);
-        let (point, spot) = self.between(&ends)?;
-        let place = spot.position(self.locator.mesh());
-        let sides = [Some(h), self.edit.twin(h)].into_iter().flatten();
-        let mut halves = sides.flat_map(|side| {
-            let [a, b, c] =
-                [self.edit.tail(side), self.edit.head(side), self.edit.apex(side)].map(|v| self.edit.position(v));
-            [[a, place, c], [place, b, c]]
-        });
-        if halves.any(|it| quality(it) < SLIVER) {
-            return None;
-        }
-        let new = self.edit.split(h, place);
-        self.points.push(point);
-        self.spots.push(spot);
-        Some(new)
-    }
-
-    /// The direction between some vertices, and its place on the surface.
-    fn between(&self, vertices: &[usize]) -> Option<(Vec3, SurfacePoint)> {
-        let point = vertices.iter().map(|&v| self.points[v]).sum::<Vec3>().try_normalize(1e-300)?;
-        Some((point, self.locator.locate(point, self.spots[vertices[0]].face)))
-    }
-
-    /// How far the surface at the middle of an edge lies from the edge, or that at the middle of a face whose longest edge it
-    /// is from the face, mm.
-    fn departure(&self, h: HalfedgeId) -> f64 {
-        let off = |vertices: &[usize], corners: [Vec3; 3]| {
-            self.between(vertices).map_or(0.0, |(_, spot)| {
-                let place = spot.position(self.locator.mesh());
-                closest_on_triangle(&place, &corners).1.sqrt()
-            })
-        };
-        let place = |v: VertexId| self.edit.position(v);
-        let [a, b] = [self.edit.tail(h), self.edit.head(h)];
-        let mut most = off(&[a.index(), b.index()], [place(a), place(b), place(b)]);
-        for side in [Some(h), self.edit.twin(h)].into_iter().flatten() {
-            let longest = [self.edit.next(side), self.edit.previous(side)]
-                .into_iter()
-                .all(|it| self.length(it) <= self.length(h));
-            if longest {
-                let f: FaceId = self.edit.face(side);
-                let corners = self.edit.face_vertices(f);
-                most = most.max(off(&corners.map(VertexId::index), self.edit.face_positions(f)));
-            }
-        }
-        most
     }
 }

@@ -1,12 +1,8 @@
 //! Semi-regular tessellations of the sphere, pulled back to a surface.
 use std::collections::BTreeMap;
 
-use super::{SphereError, locate::Locator, refine::Net};
-use crate::{
-    geom::Vec3,
-    mesh::{FaceId, Id, MeshError, TriMesh, VertexId, distance::SurfacePoint},
-    numeric::Monitor,
-};
+use super::{SphereError, locate::Locator, net::Net};
+use crate::{geom::Vec3, mesh::MeshError, numeric::Monitor};
 
 /// A pattern of triangles on the sphere.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -166,46 +162,29 @@ pub enum TessellateError {
     Mesh(#[from] MeshError),
 }
 
-/// Sweeps of the compensation.
-const SWEEPS: usize = 80;
+/// Sweeps of the compensation, and how much they weigh even areas against even angles.
+const SWEEPS: usize = 400;
+const EVEN: f64 = 0.5;
 
-/// The pattern on the surface behind `locator`. With `compensate` its points first move on the sphere to where their edges are
-/// more even on the surface: each goes to the mean of its neighbours weighted with the length of the edges on the surface, as
-/// far as no face of the pattern flips. Without, limbs get few faces, because a conformal map makes them small.
+/// The pattern on the surface behind `locator`. With `compensate` its points first move along the surface to where its faces are
+/// closer to equilateral triangles of one area, as far as no face turns over on the sphere. Without, limbs get few faces,
+/// because a conformal map makes them small.
 pub fn pull_back<'a>(
     locator: &'a Locator<'a>,
     pattern: Pattern,
     compensate: bool,
     monitor: &Monitor,
 ) -> Result<Net<'a>, TessellateError> {
-    let (mut points, faces) = pattern.mesh();
-    let mut hint = FaceId(0);
-    let mut spots: Vec<SurfacePoint> = Vec::with_capacity(points.len());
-    for &p in &points {
-        spots.push(locator.locate(p, hint));
-        hint = spots[spots.len() - 1].face;
-    }
-    let mesh = locator.mesh();
-    let mut places: Vec<Vec3> = spots.iter().map(|it| it.position(mesh)).collect();
+    let (points, faces) = pattern.mesh();
+    let area = locator.mesh().total_area() / faces.len() as f64;
+    let mut net = Net::new(locator, &faces, points)?;
     if compensate {
-        let net = TriMesh::new(points.clone(), &faces)?;
         for sweep in 0..SWEEPS {
             monitor.check().map_err(SphereError::from)?;
             monitor.progress(sweep as f64 / SWEEPS as f64, "evening out the tessellation");
-            for v in net.vertices() {
-                let i = v.index();
-                let pull: Vec3 =
-                    net.neighbors(v).map(|w| (places[i] - places[w.index()]).norm() * points[w.index()]).sum();
-                let Some(target) = pull.try_normalize(1e-300) else { continue };
-                let at = |w: VertexId| points[w.index()];
-                let fan = || net.outgoing(v).map(|h| [at(net.head(h)), at(net.head(net.next(h)))]);
-                if Locator::is_open(target, fan()) {
-                    points[i] = target;
-                    spots[i] = locator.locate(target, spots[i].face);
-                    places[i] = spots[i].position(mesh);
-                }
-            }
+            net.smooth(area, EVEN);
         }
+        net.untangle();
     }
-    Ok(Net::new(locator, &faces, points, spots)?)
+    Ok(net)
 }

@@ -7,7 +7,7 @@ use crate::{
         shapes,
     },
     numeric::random::Random,
-    surface::{edit::EditMesh, subdivide},
+    surface::{collapse::quality, edit::EditMesh, subdivide},
 };
 
 fn with(mesh: &TriMesh, change: impl FnMut(Vec3) -> Vec3) -> Result<TriMesh, MeshError> {
@@ -218,5 +218,7 @@ fn refined_tessellations_come_close_to_limbs() {
     let (after, made) = (far(&net), net.mesh().unwrap());
     assert!(after < 1.2, "{before:?} {after}");
     assert_eq!((made.genus(), made.components().1), (0, 1));
+    let worst = made.faces().map(|f| quality(made.face_positions(f))).fold(1.0, f64::min);
+    assert!(worst > 0.35, "the worst face has the quality {worst}");
     assert!((before.1 + 1..6 * before.1).contains(&made.face_count()), "{}", made.face_count());
 }
