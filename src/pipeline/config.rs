@@ -12,7 +12,8 @@ use toml::{
     de::{DeTable, DeValue},
 };
 
-use super::input::InputTable;
+use super::{input::InputTable, recipes::STAGES};
+use crate::profile::plain;
 
 /// The text of a config and of the `--set` options on top of it.
 #[derive(Debug, Clone)]
@@ -187,7 +188,7 @@ impl ConfigText {
 
     /// A complaint of the TOML deserializer.
     pub fn toml_error(&self, err: &toml::de::Error) -> ConfigError {
-        self.error(err.message(), err.span())
+        self.error(plain(err.message()), err.span())
     }
 }
 
@@ -286,8 +287,12 @@ impl<'t> Config<'t> {
             }
             let (span, name) = (value.span(), name.to_owned());
             let DeValue::Table(table) = value.into_inner() else {
-                let message =
-                    format!("unknown key `{name}`; at the top level there are {} and tables", HEAD.join(", "));
+                let known = PROFILES.contains(&name.as_str()) || STAGES.iter().any(|it| it.name == name);
+                let message = if known {
+                    format!("`{name}` is a table: write its keys as {name}.KEY = …, or below a line [{name}]")
+                } else {
+                    format!("unknown key `{name}`; at the top level there are {} and tables", HEAD.join(", "))
+                };
                 problems.push(source.error(message, Some(key.span())));
                 continue;
             };
@@ -378,7 +383,7 @@ mod tests {
         assert!(text.starts_with("unknown key `sead`; at the top level there are version, recipe, seed"), "{text}");
         assert!(text.contains("job.toml:2:1"), "{text}");
         let text = complaint("[input]\nmash = \"a.obj\"\n", &[]);
-        assert!(text.contains("unknown field `mash`") && text.contains("job.toml:2:1"), "{text}");
+        assert!(text.contains("unknown key `mash` (did you mean `mesh`?)") && text.contains("job.toml:2:1"), "{text}");
     }
 
     #[test]

@@ -9,7 +9,7 @@ use super::{
 use crate::{
     emit::FORMATS,
     model::Kind,
-    profile::Profiles,
+    profile::{Profiles, plain},
     stage::{Ready, StageDef, TableError},
 };
 
@@ -124,7 +124,7 @@ fn prepare(
             Err(err) => err,
         };
         let (message, span) = match &err {
-            TableError::Shape(err) => (err.message().to_owned(), err.span()),
+            TableError::Shape(err) => (plain(err.message()), err.span()),
             TableError::Value(err) => (err.to_string(), key_spans(table.get_ref()).remove(err.key)),
         };
         let place = span.clone().unwrap_or(table.span());

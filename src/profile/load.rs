@@ -14,6 +14,7 @@ use toml::{
 use super::{
     Machine, Material, Profiles,
     check::{Fault, Rule},
+    plain,
 };
 
 /// A profile that lies in the binary.
@@ -182,10 +183,11 @@ fn load<P: DeserializeOwned + Rule>(
 ) -> Result<P, ProfileError> {
     let mut keys = keys.clone();
     let source = Source::find(table, base_dir, keys.remove("profile"))?;
-    let base = DeTable::parse(&source.text).map_err(|error| source.fault(None, error.span(), "", error.message()))?;
+    let base =
+        DeTable::parse(&source.text).map_err(|error| source.fault(None, error.span(), "", &plain(error.message())))?;
     let read = |table: Spanned<DeTable<'_>>| P::deserialize(toml::de::Deserializer::from(table));
-    let mut profile =
-        read(base.clone()).map_err(|error| source.fault(Some(base.get_ref()), error.span(), "", error.message()))?;
+    let mut profile = read(base.clone())
+        .map_err(|error| source.fault(Some(base.get_ref()), error.span(), "", &plain(error.message())))?;
     profile.check().map_err(|fault| source.fault(Some(base.get_ref()), None, &fault.key, &fault.message))?;
     if !keys.is_empty() {
         // The profile alone is sound, so whatever is wrong now comes from the keys laid over it.
@@ -195,7 +197,7 @@ fn load<P: DeserializeOwned + Rule>(
         };
         let mut merged = base.clone();
         merge(merged.get_mut(), &keys);
-        profile = read(merged).map_err(|error| config_fault(error.span(), "", error.message()))?;
+        profile = read(merged).map_err(|error| config_fault(error.span(), "", &plain(error.message())))?;
         profile.check().map_err(|fault| config_fault(None, &fault.key, &fault.message))?;
     }
     profile.rename(source.name);
@@ -387,18 +389,17 @@ mod tests {
         let config = "profile = \"paper-200gsm\"\nmargn = 3\n";
         let error = tables(config, "").unwrap_err();
         assert_eq!(error.span(), Some(config.find("margn").map(|at| at..at + 5).unwrap()));
-        assert!(error.to_string().contains("[material] `margn`: unknown field `margn`, expected one of"), "{error}");
+        assert!(
+            error.to_string().contains("[material] `margn`: unknown key `margn` (did you mean `margin`?)"),
+            "{error}"
+        );
 
         for (material, machine, expected) in [
             ("profile = \"papier\"", "", "no material profile `papier`; built in are: paper-200gsm, paper-80gsm"),
             ("profile = \"mine.toml\"", "", "cannot read the material profile ./mine.toml"),
             ("profile = 3", "", "[material] `profile`: must be a string, not integer"),
-            ("sheet = [100]", "", "[material] `sheet`: invalid length 1"),
-            (
-                "thickness = \"3 foot\"",
-                "",
-                "[material] `thickness`: invalid value: string \"3 foot\", expected a length",
-            ),
+            ("sheet = [100]", "", "[material] `sheet`: must be a list of 2, not a list of 1"),
+            ("thickness = \"3 foot\"", "", "[material] `thickness`: must be a length"),
             ("thickness = -1", "", "[material] `thickness`: must be a finite number above 0, not -1"),
             ("thickness = nan", "", "[material] `thickness`: must be a finite number above 0, not NaN"),
             ("margin = 160", "", "[material] `margin`: of 160 mm on both sides leaves nothing"),
@@ -407,15 +408,11 @@ mod tests {
                 "",
                 "has no [process.drag-knife], and `drag-knife-a3` is a machine of that kind",
             ),
-            ("process.laser.cut-out.feed = 1", "", "expected the name of an operation: text, registration, engrave"),
+            ("process.laser.cut-out.feed = 1", "", "must be the name of an operation: text, registration, engrave"),
             ("", "tools.cut-outside.feed = 0", "[machine] `tools.cut-outside.feed`: must be a finite number above 0"),
             ("", "tools.cut-outside.feed = inf", "must be a finite number above 0, not inf"),
             ("", "tools.cut-outside.power = 1.5", "`tools.cut-outside.power`: must be between 0 and 1, not 1.5"),
-            (
-                "",
-                "tools.glue.feed = 100",
-                "`tools.glue`: invalid value: string \"glue\", expected the name of an operation",
-            ),
+            ("", "tools.glue.feed = 100", "`tools.glue`: must be the name of an operation"),
             ("", "layers.text.color = \"red\"", "`red` is not a colour; write it as \"#rrggbb\""),
             ("", "layers.text.name = \"CUT\"", "must share both name and colour or neither"),
             ("", "layers.text.name = \"A B\"", "`layers.text.name`: must be 1 to 31 letters"),
@@ -423,7 +420,7 @@ mod tests {
             (
                 "",
                 "kind = \"lasr\"",
-                "unknown variant `lasr`, expected one of `laser`, `drag-knife`, `router`, `pen`, `mill`, `hot-wire`",
+                "unknown value `lasr` (did you mean `laser`?); there are `laser`, `drag-knife`, `router`, `pen`, `mill`, `hot-wire`",
             ),
             ("", "kind = \"laser\"", "`head`: does not fit `kind = \"laser\"`"),
             ("", "head.servo.down = 40", "`head.servo.down`: must differ from `up`"),
@@ -448,9 +445,9 @@ mod tests {
 
         let line = good.lines().position(|it| it.starts_with("gap")).unwrap() + 1;
         for (from, to, expected) in [
-            ("gap = 2", "gap = \"2 furlongs\"", "`gap`: invalid value: string \"2 furlongs\""),
+            ("gap = 2", "gap = \"2 furlongs\"", "`gap`: must be a length"),
             ("gap = 2", "gap = -2", "`gap`: must be a finite number, 0 or more, not -2"),
-            ("gap = 2", "gapp = 2", "`gapp`: unknown field `gapp`"),
+            ("gap = 2", "gapp = 2", "`gapp`: unknown key `gapp`"),
             ("gap = 2", "gap = = 2", "extra `=`, expected nothing"),
         ] {
             write("bad.toml", &good.replace(from, to));
@@ -460,7 +457,7 @@ mod tests {
         }
         write("short.toml", "title = \"half a profile\"\n");
         let text = load("short.toml").unwrap_err().to_string();
-        assert!(text.contains("missing field `thickness`"), "{text}");
+        assert!(text.contains("the key `thickness` is missing"), "{text}");
     }
 
     #[test]

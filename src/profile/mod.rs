@@ -9,6 +9,7 @@ mod mill;
 mod operations;
 mod shape;
 mod units;
+mod wording;
 
 pub use link::{Flow, Link, ModemLine, Streaming};
 pub use load::{BuiltIn, MACHINES, MATERIALS, ProfileError, load_machine, load_material};
@@ -18,6 +19,7 @@ pub use mill::{HotWire, LinearAxis, Mill, Rotation, TipControl, Turns};
 pub use operations::{Order, PerOperation};
 pub use shape::shape;
 pub use units::{Angle, Extent, Length};
+pub use wording::plain;
 
 /// Share of the free area of a sheet that a piece may fill: nesting works on a grid and needs a little room.
 const FITTING: f64 = 0.98;

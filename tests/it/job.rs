@@ -212,13 +212,13 @@ fn one_triangle_is_developable_already() {
 const BAD_CONFIGS: &[(&str, &str, i32, &[&str])] = &[
     ("no mesh", "version = 1\n", 2, &["the config names no mesh"]),
     ("missing mesh", "[input]\nmesh = \"nowhere.obj\"\n", 3, &["cannot read the mesh", "nowhere.obj"]),
-    ("unknown key", "[input]\nmash = \"a.obj\"\n", 2, &["unknown field `mash`", "job.toml:2:1"]),
+    ("unknown key", "[input]\nmash = \"a.obj\"\n", 2, &["unknown key `mash` (did you mean `mesh`?)", "job.toml:2:1"]),
     ("wrong type", "seed = \"three\"\n[input]\nmesh = \"MESH\"\n", 2, &["job.toml:1:8", "expected u64"]),
     (
         "unknown stage key",
         "[input]\nmesh = \"MESH\"\n[develop]\nenergi = 1\n",
         2,
-        &["[develop]", "unknown field `energi`", "job.toml:4:1"],
+        &["[develop]", "unknown key `energi` (did you mean `energy`?)", "job.toml:4:1"],
     ),
     (
         "no rounds",

@@ -259,7 +259,7 @@ fn controllers_and_machines_that_cannot_are_named() {
     for (rest, wanted) in [
         ("[machine]\nprofile = \"mill-ac\"\ndialect = \"grbl\"", "`grbl` does not know two rotary axes"),
         ("[machine]\nprofile = \"hot-wire\"\ndialect = \"marlin\"", "`marlin` does not know the axes U and V"),
-        ("[machine]\nprofile = \"mill-ac\"\ndialect = \"fanuc\"", "unknown variant `fanuc`, expected one of `grbl`"),
+        ("[machine]\nprofile = \"mill-ac\"\ndialect = \"fanuc\"", "unknown value `fanuc`; there are `grbl`"),
         ("[machine]\nprofile = \"mill-ac\"\nmill.x.speed = 0", "`mill.x.speed`: must be a finite number above 0"),
         ("[mill]\nup = \"top\"\n[machine]\nprofile = \"mill-ac\"", "`up` must be \"auto\""),
         ("[mill]\ndiameter = 0\n[machine]\nprofile = \"mill-ac\"", "`diameter` must be between"),

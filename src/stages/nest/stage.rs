@@ -26,7 +26,7 @@ const ROUNDING: f64 = 1e-6;
 
 /// Angles at which parts may lie.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "rotations must be \"free\", \"grain\", \"fixed\" or a list of degrees")]
 pub enum Angles {
     /// In a word.
     Word(AngleWord),
