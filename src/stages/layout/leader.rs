@@ -22,7 +22,7 @@ use crate::{
 const STARTS: [f64; 7] = [0.5, 0.35, 0.65, 0.2, 0.8, 0.1, 0.9];
 /// Leaders begin this far inside the outline, mm …
 const INSETS: [f64; 2] = [0.3, 0.15];
-/// … and keep this far from it on their way.
+/// … and keep this far from it and from lettering on their way.
 const RIM: f64 = 0.12;
 /// Side of the squares in which the way is looked for, mm.
 const STEP: f64 = 0.4;
@@ -152,7 +152,7 @@ impl Placer<'_> {
     /// Whether a straight line keeps off the outline, the lettering and other leaders; folds and ticks it may cross.
     fn passes(&self, a: Vec2, b: Vec2) -> bool {
         self.outline.visit(&Box2::of([&a, &b]).grown(RIM), &mut |s| segment_distance(a, b, s.a, s.b) >= RIM)
-            && !self.taken.iter().any(|it| it.hits(a, b))
+            && !self.taken.iter().any(|it| it.grown(RIM).hits(a, b))
     }
 
     /// A way with as few corners as shortcuts leave.

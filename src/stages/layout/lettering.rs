@@ -36,7 +36,7 @@ impl TextBox {
         Vec2::new(-self.axis.y, self.axis.x)
     }
 
-    fn grown(&self, by: f64) -> Self {
+    pub(super) fn grown(&self, by: f64) -> Self {
         Self { half: self.half.add_scalar(by), ..*self }
     }
 
