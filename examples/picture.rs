@@ -1,9 +1,9 @@
 //! Puts pictures of one height side by side. The README's, from the previews of its job:
 //! `cargo run --release --example picture -- fixtures/picture.png out/preview/{input,developed,cut,sheet-01}.png`.
 //!
-//! One shape developed from three tessellations, each in a folder of its own (t is octahedron, icosahedron or cube):
+//! One shape developed from three tessellations, each in a folder of its own (t is octahedron, icosahedron, cube or latitude-longitude):
 //! `cargo run --release -- run fixtures/bumpy.obj --to develop --set coarsen.method=sphere --set coarsen.tessellation=t --out t`,
-//! then `cargo run --release --example picture -- three.png {octahedron,icosahedron,cube}/preview/{coarse,developed}.png`.
+//! then `cargo run --release --example picture -- three.png {octahedron,icosahedron,cube,latitude-longitude}/preview/{coarse,developed}.png`.
 use std::{env, error::Error, fs};
 
 use resvg::{

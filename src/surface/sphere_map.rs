@@ -105,7 +105,7 @@ pub enum SphereError {
     },
     /// Open edges.
     #[error(
-        "a sphere map needs a closed surface, but this one has {loops} holes, one of {edges} edges near ({:.3}, {:.3}, {:.3}); close the holes with input.fill_holes = {edges} or in a modelling program", place.x, place.y, place.z
+        "a sphere map needs a closed surface, but this one has {loops} hole{}, one of {edges} edges near ({:.3}, {:.3}, {:.3}); close the holes with input.fill_holes = {edges} or in a modelling program", if *loops == 1 { "" } else { "s" }, place.x, place.y, place.z
     )]
     Boundary {
         /// Boundary loops.

@@ -129,7 +129,7 @@ impl SphereStage {
 
 impl Stage for SphereStage {
     const NAME: &'static str = "sphere";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     type Input = (SourceMesh, Option<Guides>);
     type Output = (DevelopableMesh, Guides, Stripes, Globe);
     type Profile = Stock;
@@ -243,6 +243,15 @@ impl Stage for SphereStage {
             0 => format!("{n} slices, each within the limit as it is"),
             _ => format!(
                 "{over} of {n} slices and caps exceed {limit}; the stage cut divides them further. Allow more with sphere.most, or a material that stretches"
+            ),
+        };
+        let note = match globe.held {
+            0 => note,
+            held => format!(
+                "{note}; double precision kept {held} vertices from their conformal place: the energy is {:.2} % above 8π, \
+                 and the mean dilatation {:.2}. Shorten thin limbs, or remesh them with smaller faces",
+                100.0 * (globe.energy / (8.0 * std::f64::consts::PI) - 1.0),
+                globe.dilatation[0]
             ),
         };
         let mut section =
