@@ -213,7 +213,12 @@ const BAD_CONFIGS: &[(&str, &str, i32, &[&str])] = &[
     ("no mesh", "version = 1\n", 2, &["the config names no mesh"]),
     ("missing mesh", "[input]\nmesh = \"nowhere.obj\"\n", 3, &["cannot read the mesh", "nowhere.obj"]),
     ("unknown key", "[input]\nmash = \"a.obj\"\n", 2, &["unknown key `mash` (did you mean `mesh`?)", "job.toml:2:1"]),
-    ("wrong type", "seed = \"three\"\n[input]\nmesh = \"MESH\"\n", 2, &["job.toml:1:8", "must be a whole number, 0 or more, not \"three\""]),
+    (
+        "wrong type",
+        "seed = \"three\"\n[input]\nmesh = \"MESH\"\n",
+        2,
+        &["job.toml:1:8", "must be a whole number, 0 or more, not \"three\""],
+    ),
     (
         "unknown stage key",
         "[input]\nmesh = \"MESH\"\n[develop]\nenergi = 1\n",
