@@ -29,6 +29,9 @@ const STEP: f64 = 0.4;
 /// Squares looked at before the search is given up, for a number that must stand somewhere and for one that need not: areas of
 /// 1600 and 160 mm².
 const SQUARES: (usize, usize) = (10_000, 1000);
+/// Squares looked at for all numbers of a part together, so that a part with hundreds of short seams ends: thirty searches that
+/// find nothing.
+pub(super) const ALL_SQUARES: usize = 300_000;
 /// Larger letters may stand this many times as far away as smaller ones, and so many mm more.
 const FARTHER: (f64, f64) = (1.5, 3.0);
 /// Directions tried for the text at the end.
@@ -105,7 +108,8 @@ impl Placer<'_> {
                 continue;
             }
             looked_at += 1;
-            if looked_at > if must { SQUARES.0 } else { SQUARES.1 } {
+            self.squares.set(self.squares.get().saturating_sub(1));
+            if looked_at > if must { SQUARES.0 } else { SQUARES.1 } || self.squares.get() == 0 {
                 return None;
             }
             let here = middle(square);

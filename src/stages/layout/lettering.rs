@@ -10,7 +10,8 @@ use crate::{
     model::{Mark, Operation},
 };
 
-use super::seams::Measured;
+use super::{leader::ALL_SQUARES, seams::Measured};
+use std::cell::Cell;
 
 /// Kept free around lettering, as a share of its height and at least this many mm.
 const CLEARANCE: (f64, f64) = (0.2, 0.3);
@@ -90,6 +91,8 @@ pub(super) struct Placer<'a> {
     lines: SegmentTree,
     /// Lettering and leaders.
     pub(super) taken: Vec<TextBox>,
+    /// Squares that leaders may still look at.
+    pub(super) squares: Cell<usize>,
 }
 
 impl<'a> Placer<'a> {
@@ -107,7 +110,13 @@ impl<'a> Placer<'a> {
                 index: i,
             }));
         }
-        Self { contours, outline, lines: SegmentTree::of_segments(segments), taken: Vec::new() }
+        Self {
+            contours,
+            outline,
+            lines: SegmentTree::of_segments(segments),
+            taken: Vec::new(),
+            squares: Cell::new(ALL_SQUARES),
+        }
     }
 
     /// Whether the rectangle lies in the part and nothing lies in it or nearer to it than the clearance.

@@ -85,7 +85,7 @@ pub struct Craft {
 
 impl Stage for LayoutStage {
     const NAME: &'static str = "layout";
-    const VERSION: u32 = 10;
+    const VERSION: u32 = 11;
     type Input = (CutMesh, Flattening, Option<Strips>, Option<Stripes>);
     type Output = Parts;
     type Profile = Craft;
