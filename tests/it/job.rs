@@ -214,6 +214,12 @@ const BAD_CONFIGS: &[(&str, &str, i32, &[&str])] = &[
     ("missing mesh", "[input]\nmesh = \"nowhere.obj\"\n", 3, &["cannot read the mesh", "nowhere.obj"]),
     ("unknown key", "[input]\nmash = \"a.obj\"\n", 2, &["unknown key `mash` (did you mean `mesh`?)", "job.toml:2:1"]),
     (
+        "a value for a table",
+        "develop = 3\n[input]\nmesh = \"MESH\"\n",
+        2,
+        &["`develop` is a table: write", "job.toml:1:1"],
+    ),
+    (
         "wrong type",
         "seed = \"three\"\n[input]\nmesh = \"MESH\"\n",
         2,

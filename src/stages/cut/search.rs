@@ -1,6 +1,6 @@
 //! The search for cuts: what is cut so far, the pieces that makes, and how they get better.
 use super::{
-    CutError, Options, Region, divide::dividing_path, join::Failures, piece::Piece, relieve::relieving_cuts, rim,
+    Cost, CutError, Options, Region, divide::dividing_path, join::Failures, piece::Piece, relieve::relieving_cuts, rim,
     segment::patches,
 };
 use crate::{
@@ -90,8 +90,8 @@ pub(super) struct Found {
     pub(super) cut: Field<EdgeId, bool>,
     /// Number of vertices that the first cut was led through.
     pub(super) terminals: usize,
-    /// What it costs: pieces that are not good, then the length of the seams with the price of the pieces, mm.
-    pub(super) cost: (usize, f64),
+    /// What it costs.
+    pub(super) cost: Cost,
 }
 
 /// Finds the edges to cut: through all vertices for which `is_terminal` holds and all that cannot be in the interior of
@@ -239,8 +239,7 @@ impl Search<'_> {
         self.part_at_necks()
     }
 
-    /// What the solution is worth: pieces that are not good, then the length of all seams with the price of the pieces, mm.
-    fn cost(&self) -> (usize, f64) {
+    fn cost(&self) -> Cost {
         let pieces = || self.pieces.iter().flatten();
         (pieces().filter(|it| !it.is_good()).count(), self.length(&self.seams()) + self.price(pieces()))
     }

@@ -80,11 +80,10 @@ pub(super) fn patches(
         distance: Field::filled(mesh.face_count(), f64::INFINITY),
         seed: Field::filled(mesh.face_count(), 0),
     };
-    let mut seeds: Vec<FaceId> = Vec::new();
-    for k in 0..count.min(mesh.face_count()) {
+    let count = count.min(mesh.face_count());
+    for k in 0..count {
         monitor.check()?;
         let farthest = spread.farthest(1)[0];
-        seeds.push(farthest);
         spread.add(std::iter::once((farthest, k as u32)));
     }
     for _ in 0..ROUNDS {
@@ -98,7 +97,7 @@ pub(super) fn patches(
         spread.clear();
         spread.add(rim.into_iter());
         spread.seed = patch;
-        let middles = spread.farthest(seeds.len());
+        let middles = spread.farthest(count);
         spread.clear();
         spread.add(middles.into_iter().zip(0..));
     }
