@@ -185,6 +185,15 @@ impl<A: Noun, B: Noun, C: Noun, D: Noun> Inputs for (A, B, Option<C>, Option<D>)
     }
 }
 
+impl<A: Noun, B: Noun, C: Noun, D: Noun, E: Noun> Inputs for (A, B, Option<C>, Option<D>, Option<E>) {
+    type Refs<'a> = (&'a A, &'a B, Option<&'a C>, Option<&'a D>, Option<&'a E>);
+    const KINDS: &'static [Kind] = &[A::KIND, B::KIND];
+    const WANTS: &'static [Kind] = &[C::KIND, D::KIND, E::KIND];
+    fn fetch(store: &Store) -> Option<Self::Refs<'_>> {
+        Some((store.get()?, store.get()?, store.get(), store.get(), store.get()))
+    }
+}
+
 /// What a stage makes: one noun or a few.
 pub trait Outputs: Sized + Send + Sync + 'static {
     /// Kinds made.

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use super::{Exit, send, show};
 use crate::{
     import::{
-        self, Drawing, DrawingError, DrawnLine,
+        self, CreaseFacts, CreaseRoles, Drawing, DrawingError, DrawnLine,
         gcode::{Interpreter, Offsets, Sense, State, bare, points},
         mesh as reader,
     },
@@ -25,7 +25,10 @@ use crate::{
 type Reader = fn(&[u8]) -> Result<Drawing, DrawingError>;
 
 /// Readers of drawings by extension.
-const DRAWINGS: &[(&str, Reader)] = &[("svg", import::read_svg), ("dxf", import::read_dxf)];
+const DRAWINGS: &[(&str, Reader)] =
+    &[("svg", import::read_svg), ("dxf", import::read_dxf), ("fold", import::read_fold)];
+/// Ends of creases that miss another line by less are taken to meet it, mm.
+const SNAP: f64 = 0.05;
 /// Extensions of G-code.
 const PROGRAMS: &[&str] = &["nc", "gcode", "ngc", "tap"];
 
@@ -118,7 +121,35 @@ fn drawing(drawing: &Drawing) -> Value {
     if let Some(size) = drawing.size {
         facts["page_mm"] = json!([size.x, size.y]);
     }
+    if !drawing.measured {
+        facts["unit"] = json!(
+            "not stated: pixels of an SVG count as 1/96 inch here, but 1/72 in much drawing software (a third more); others as mm"
+        );
+    }
+    if let Some(creases) = creases(drawing) {
+        facts["creases"] = creases;
+    }
     facts
+}
+
+/// What a drawing is as a crease pattern, if it has folds within borders by the colours of Origami Simulator or by its layers.
+fn creases(drawing: &Drawing) -> Option<Value> {
+    let facts = CreaseFacts::of(drawing, &CreaseRoles::default(), SNAP).ok()?;
+    let places = |it: &[[f64; 2]]| json!(it);
+    let measured = |it: &[([f64; 2], f64)]| it.iter().map(|([x, y], mm)| json!([x, y, mm])).collect::<Vec<_>>();
+    (facts.folds > 0 && facts.patches > 0).then(|| {
+        json!({
+            "sound": facts.sound(),
+            "patches": facts.patches,
+            "folds": facts.folds,
+            "dead_ends_mm": places(&facts.dead_ends),
+            "outside_mm": places(&facts.outside),
+            "open_borders_mm": places(&facts.open_borders),
+            "snapped_mm": measured(&facts.snapped),
+            "doubled_mm": measured(&facts.doubled),
+            "unknown_lines": facts.unknown,
+        })
+    })
 }
 
 /// A program as the sender reads it: the same errors, bounds and times.

@@ -1,6 +1,7 @@
 //! Writers: pure functions of a finished noun. One list, [`FORMATS`]; one call, [`files`].
 
 pub mod booklet;
+pub mod creases;
 mod drawing;
 mod dxf;
 mod dxf12;

@@ -1,6 +1,7 @@
 //! 2-D and 3-D primitives, polygons, predicates. Imports nothing of ours.
 
 pub mod arcs;
+pub mod arrangement;
 pub mod boolean;
 pub mod ears;
 pub mod motion;

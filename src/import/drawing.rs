@@ -9,6 +9,8 @@ pub(super) const TOLERANCE: f64 = 0.005;
 pub struct Drawing {
     /// Size of the page where the format has one; the origin is then its lower left corner.
     pub size: Option<Vec2>,
+    /// Whether the file says how long its unit is; where it does not, the usual one of the format was taken.
+    pub measured: bool,
     /// The lines in the order of the file.
     pub lines: Vec<DrawnLine>,
     /// What the file holds besides lines, one phrase each: "3 TEXT".
@@ -18,8 +20,10 @@ pub struct Drawing {
 /// One line of a drawing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DrawnLine {
-    /// Name (DXF) or id (SVG) of its layer; empty where there is none.
+    /// Name (DXF) or id (SVG) of its layer, or the assignment of the crease (FOLD); empty where there is none.
     pub layer: String,
+    /// Its colour as red, green and blue, where the file gives one to the line.
+    pub color: Option<[u8; 3]>,
     /// Its points, mm; the first is not repeated at the end of a closed one.
     pub points: Vec<Vec2>,
     /// Whether the last point joins the first.
@@ -49,6 +53,9 @@ pub enum DrawingError {
     /// Not a DXF that the reader understands.
     #[error("not a readable DXF: {0}")]
     Dxf(String),
+    /// Not a FOLD file that the reader understands.
+    #[error("not a readable FOLD file: {0}")]
+    Fold(String),
     /// Not a PDF that the reader understands.
     #[error("not a readable PDF: {0}")]
     Pdf(String),

@@ -2,7 +2,7 @@
 use std::collections::BTreeMap;
 
 use dxf::{
-    Point,
+    Color, Point,
     entities::EntityType,
     enums::{DrawingUnits, Units},
 };
@@ -55,10 +55,23 @@ pub fn read_dxf(mut bytes: &[u8]) -> Result<Drawing, DrawingError> {
                 continue;
             }
         };
-        lines.push(DrawnLine { layer: entity.common.layer.clone(), points, closed });
+        lines.push(DrawnLine {
+            layer: entity.common.layer.clone(),
+            color: color(&entity.common.color),
+            points,
+            closed,
+        });
     }
     let ignored = ignored.into_iter().map(|(name, count)| format!("{count} {name}")).collect();
-    Ok(Drawing { size: None, lines, ignored })
+    let measured = file.header.default_drawing_units != Units::Unitless;
+    Ok(Drawing { size: None, measured, lines, ignored })
+}
+
+/// The first colours of the AutoCAD index; the others, and those of layer or block, are `None`.
+fn color(color: &Color) -> Option<[u8; 3]> {
+    const FIRST: [[u8; 3]; 7] =
+        [[255, 0, 0], [255, 255, 0], [0, 255, 0], [0, 255, 255], [0, 0, 255], [255, 0, 255], [0, 0, 0]];
+    FIRST.get(usize::from(color.index()?).checked_sub(1)?).copied()
 }
 
 /// Points of a polyline whose segments may be arcs: the bulge is the tangent of a quarter of the arc's angle, positive

@@ -69,6 +69,6 @@ fn finish(points: &mut Vec<Vec2>, pen: &str, drawing: &mut Drawing) {
         points.pop();
     }
     if points.len() > 1 {
-        drawing.lines.push(DrawnLine { layer: pen.into(), points, closed });
+        drawing.lines.push(DrawnLine { layer: pen.into(), color: None, points, closed });
     }
 }

@@ -52,7 +52,7 @@ fn content(stream: &str) -> Result<Drawing, DrawingError> {
         let unknown = || DrawingError::Pdf(format!("`{} {word}` in its content", operands.join(" ")));
         let mut finish = |path: &mut Vec<Vec2>, closed: bool| {
             let points = std::mem::take(path);
-            out.lines.push(DrawnLine { layer: layer.clone(), points, closed });
+            out.lines.push(DrawnLine { layer: layer.clone(), color: None, points, closed });
         };
         match (word, numbers().as_deref()) {
             ("m" | "l", Ok([x, y])) => {

@@ -1,7 +1,7 @@
 //! Lines of an SVG, at the size that its page states, through usvg (which resolves styles, transforms, shapes and uses).
 use resvg::{
     tiny_skia::{PathSegment, Point, Transform},
-    usvg::{Group, Node, Options, Path, Tree},
+    usvg::{Group, Node, Options, Paint, Path, Tree, roxmltree::Document},
 };
 
 use super::drawing::{Drawing, DrawingError, DrawnLine, steps};
@@ -17,7 +17,15 @@ pub fn read_svg(bytes: &[u8]) -> Result<Drawing, DrawingError> {
     let mut reader = Reader { height: size.y, lines: Vec::new(), others: 0 };
     reader.group(tree.root(), "");
     let ignored = if reader.others > 0 { vec![format!("{} images or texts", reader.others)] } else { Vec::new() };
-    Ok(Drawing { size: Some(size), lines: reader.lines, ignored })
+    Ok(Drawing { size: Some(size), measured: measured(bytes), lines: reader.lines, ignored })
+}
+
+/// Whether the page says its width in a unit of length. A number alone and px are both: 1/96 inch in CSS, 1/72 inch in much
+/// drawing software.
+fn measured(bytes: &[u8]) -> bool {
+    let document = std::str::from_utf8(bytes).ok().and_then(|it| Document::parse(it).ok());
+    let width = document.as_ref().and_then(|it| it.root_element().attribute("width"));
+    width.is_some_and(|it| ["mm", "cm", "in", "pt", "pc", "Q"].iter().any(|unit| it.trim_end().ends_with(unit)))
 }
 
 struct Reader {
@@ -41,13 +49,17 @@ impl Reader {
 
     fn path(&mut self, path: &Path, layer: &str) {
         let transform = path.abs_transform();
+        let color = path.stroke().and_then(|it| match it.paint() {
+            Paint::Color(it) => Some([it.red, it.green, it.blue]),
+            _ => None,
+        });
         let mut points: Vec<Vec2> = Vec::new();
         for segment in path.data().segments() {
             let at = |point: Point| self.place(transform, point);
             match segment {
                 PathSegment::MoveTo(point) => {
                     let next = at(point);
-                    self.finish(&mut points, layer, false);
+                    self.finish(&mut points, (layer, color), false);
                     points.push(next);
                 }
                 PathSegment::LineTo(point) => points.push(at(point)),
@@ -64,10 +76,10 @@ impl Reader {
                         ab.lerp(&bc, t).lerp(&bc.lerp(&cd, t), t)
                     }));
                 }
-                PathSegment::Close => self.finish(&mut points, layer, true),
+                PathSegment::Close => self.finish(&mut points, (layer, color), true),
             }
         }
-        self.finish(&mut points, layer, false);
+        self.finish(&mut points, (layer, color), false);
     }
 
     fn place(&self, transform: Transform, point: Point) -> Vec2 {
@@ -79,9 +91,9 @@ impl Reader {
         Vec2::new(x_mm, self.height - y_mm)
     }
 
-    fn finish(&mut self, points: &mut Vec<Vec2>, layer: &str, closed: bool) {
+    fn finish(&mut self, points: &mut Vec<Vec2>, (layer, color): (&str, Option<[u8; 3]>), closed: bool) {
         if points.len() > 1 {
-            self.lines.push(DrawnLine { layer: layer.into(), points: std::mem::take(points), closed });
+            self.lines.push(DrawnLine { layer: layer.into(), color, points: std::mem::take(points), closed });
         }
         points.clear();
     }

@@ -8,6 +8,7 @@ pub mod distance;
 mod ids;
 pub mod intersections;
 pub mod operators;
+mod paper;
 pub mod repair;
 pub mod shapes;
 pub mod sweep;
@@ -16,6 +17,7 @@ mod trimesh;
 
 pub use bvh::{Bvh, Closest};
 pub use ids::{EdgeId, FaceId, Field, HalfedgeId, Id, VertexId};
+pub use paper::{PaperError, paper};
 pub use symmetry::{Isometry, Symmetries};
 pub use trimesh::{MeshError, TriMesh};
 

@@ -1,17 +1,21 @@
 //! The nouns that cross stages: plain data, and what each of them guarantees.
 
+mod folded;
 mod globe;
 mod mill;
 mod nouns;
+mod pattern;
 mod planar;
 mod shape;
 mod stripes;
 mod strips;
 
+pub use folded::{Fold, FoldFigures, FoldFrame, FoldSample, Folded, FoldedCrease, Held, Run};
 pub use globe::Globe;
 pub use mill::{MillMove, Milling, Setup};
 pub(crate) use nouns::with_nouns;
 pub use nouns::{Artifact, Kind, Noun};
+pub use pattern::{BORDER, Crease, CreasePattern, MOUNTAIN, UNASSIGNED, VALLEY};
 pub use planar::{
     Bend, Joints, Line, Mark, Opening, Operation, Part, Parts, Placement, Sheet, SheetPaths, Sheets, Toolpath,
     Toolpaths,

@@ -6,6 +6,7 @@ pub mod lanes;
 mod monitor;
 mod multifrontal;
 pub mod optim;
+pub mod quasidefinite;
 pub mod random;
 pub mod sparse;
 pub mod symmetric3;

@@ -157,7 +157,7 @@ impl SymmetricMatrix {
         out
     }
 
-    fn pattern(&self) -> SymbolicSparseColMatRef<'_, u32> {
+    pub(super) fn pattern(&self) -> SymbolicSparseColMatRef<'_, u32> {
         let n = self.size();
         SymbolicSparseColMatRef::new_checked(n, n, &self.starts, None, &self.rows)
     }

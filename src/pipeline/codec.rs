@@ -8,10 +8,11 @@ use crate::{
         sweep::{Deepest, Pose, Tool},
     },
     model::{
-        Artifact, Bend, Corner, CutMesh, DevelopableMesh, Flattening, Globe, Guides, Joints, Kind, Mark, MillMove,
-        Milling, Noun, Opening, Operation, Overlap, Panel, PanelKind, Part, Parts, Patch, Piece, PieceId, Placement,
-        Round, Ruled, Ruling, Seam, Setup, Sheet, SheetPaths, Sheets, SourceMesh, StripeEnd, StripeLine, Stripes,
-        Strips, Toolpath, Toolpaths, Tradeoff, Web, with_nouns,
+        Artifact, Bend, Corner, Crease, CreasePattern, CutMesh, DevelopableMesh, Flattening, FoldFigures, FoldFrame,
+        FoldSample, Folded, FoldedCrease, Globe, Guides, Held, Joints, Kind, Mark, MillMove, Milling, Noun, Opening,
+        Operation, Overlap, Panel, PanelKind, Part, Parts, Patch, Piece, PieceId, Placement, Round, Ruled, Ruling,
+        Seam, Setup, Sheet, SheetPaths, Sheets, SourceMesh, StripeEnd, StripeLine, Stripes, Strips, Toolpath,
+        Toolpaths, Tradeoff, Web, with_nouns,
     },
 };
 
@@ -273,6 +274,17 @@ records! {
         lines, drawn, faces, components, prescribed, found, windings, web, parts, field_singularities, period_error, energy, spacing,
         seconds,
     }
+    Crease { kind, points, closed, left, right }
+    CreasePattern { creases, patches }
+    FoldFrame { share, points }
+    FoldSample { along, flat, place, angle, excluded }
+    FoldedCrease { points, closed, patches, piece, samples }
+    Held { name, flat, miss }
+    FoldFigures {
+        crease_points, straight, excluded, folded, mean_fold, least_fold, straight_fold, stretch_mean, stretch_max,
+        continuity_mean, continuity_max, net_residual, angle_defect,
+    }
+    Folded { edge, vertices, frames, creases, handles, figures, iterations, seconds, crowded }
     Mark { operation, points, closed }
     Part { name, contours, marks }
     Opening { part, width, area }

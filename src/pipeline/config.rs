@@ -12,7 +12,7 @@ use toml::{
     de::{DeTable, DeValue},
 };
 
-use super::{input::InputTable, recipes::STAGES};
+use super::{input::InputTable, pattern::is_drawing, recipes::STAGES};
 use crate::profile::plain;
 
 /// The text of a config and of the `--set` options on top of it.
@@ -103,11 +103,12 @@ impl ConfigText {
         Self::new(Some(path.to_owned()), text, sets)
     }
 
-    /// A job that names only its mesh.
+    /// A job that names only its mesh or its crease pattern.
     pub fn for_mesh(mesh: &Path, sets: &[String]) -> Result<Self, ConfigError> {
         let path = toml::Value::String(mesh.display().to_string());
         // Dotted, so that further dotted keys can follow.
-        Self::new(None, format!("version = 1\ninput.mesh = {path}\n"), sets)
+        let lines = if is_drawing(mesh) { "recipe = \"fold\"\ninput.pattern" } else { "input.mesh" };
+        Self::new(None, format!("version = 1\n{lines} = {path}\n"), sets)
     }
 
     fn new(path: Option<PathBuf>, text: String, sets: &[String]) -> Result<Self, ConfigError> {

@@ -12,10 +12,10 @@ use super::{
 };
 use crate::{
     emit::{self, File, Nouns},
-    mesh::TriMesh,
+    mesh::{Field, TriMesh},
     model::{
-        CutMesh, DevelopableMesh, Flattening, Globe, Milling, Operation, Parts, Sheets, SourceMesh, Stripes, Strips,
-        Toolpaths,
+        CutMesh, DevelopableMesh, Flattening, FoldFrame, Folded, Globe, Milling, Operation, Parts, Sheets, SourceMesh,
+        Stripes, Strips, Toolpaths,
     },
     numeric::{Cancelled, Monitor},
     profile::Machine,
@@ -55,11 +55,12 @@ pub(super) fn deliver(
     let drawn = emit::files(&nouns, &plan.profiles, &plan.formats).expect("the plan proved that every format exists");
     let line = |operation| plan.profiles.machine.layers[operation].color.0;
     let instruction = plan.profiles.material.join.kind.instruction();
-    let cut = store.get::<CutMesh>().filter(|_| nouns.parts.is_some());
+    // A folded sheet is not put together of parts.
+    let cut = store.get::<CutMesh>().filter(|_| nouns.parts.is_some() && store.get::<Folded>().is_none());
     let steps = cut.map(assembly::steps).unwrap_or_default();
     let jobs: Vec<Job<'_>> = models(store)
         .into_iter()
-        .chain([strips(store), stripes(store)].into_iter().flatten())
+        .chain([strips(store), stripes(store), folded(store)].into_iter().flatten())
         .chain(globe(store))
         .chain(pictures(subjects(store, &line)))
         .chain(cut.map(|it| instructions(store, it, &steps, instruction)))
@@ -231,6 +232,30 @@ fn stripes(store: &Store) -> Vec<Job<'_>> {
     ]
 }
 
+/// The folded sheet, the steps on its way, the fold angles and the flat pattern.
+fn folded(store: &Store) -> Vec<Job<'_>> {
+    let (Some(folded), Some(cut), Some(flat)) =
+        (store.get::<Folded>(), store.get::<CutMesh>(), store.get::<Flattening>())
+    else {
+        return vec![];
+    };
+    let last = folded.frames.len().saturating_sub(1);
+    let step = |(k, frame): (usize, &FoldFrame)| -> Job<'_> {
+        let name = if k == last { "folded".into() } else { format!("step-{:02}", k + 1) };
+        let mesh = cut.mesh.with_positions(Field::from_vec(frame.points.clone()));
+        let make = move || {
+            let mut bytes = Vec::new();
+            emit::obj::write(&mesh, Some(&flat.uv), &mut bytes).expect("writing to memory cannot fail");
+            Ok(bytes)
+        };
+        (format!("folded/{name}.obj"), "obj", Box::new(make))
+    };
+    let mut jobs: Vec<Job<'_>> = folded.frames.iter().enumerate().map(step).collect();
+    jobs.push(("folded/angles.csv".into(), "csv", Box::new(move || Ok(emit::creases::angles(folded)))));
+    jobs.push(("folded/pattern.fold".into(), "fold", Box::new(move || Ok(emit::creases::pattern(folded, cut, flat)))));
+    jobs
+}
+
 /// What is drawn.
 fn subjects<'a>(store: &'a Store, line: &'a (dyn Fn(Operation) -> [u8; 3] + Sync)) -> Subjects<'a> {
     Subjects {
@@ -242,6 +267,7 @@ fn subjects<'a>(store: &'a Store, line: &'a (dyn Fn(Operation) -> [u8; 3] + Sync
         stripes: store.get(),
         sheets: store.get(),
         milling: store.get(),
+        folded: store.get(),
         line,
     }
 }

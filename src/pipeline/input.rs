@@ -1,5 +1,8 @@
 //! The input mesh: read, repaired, brought to its physical size.
-use std::path::{Path, PathBuf};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -8,8 +11,10 @@ use super::{
     codec,
     config::{Config, ConfigError},
     guides,
+    pattern::{self, BorderKey},
 };
 use crate::{
+    geom::Vec2,
     import::mesh::{self as reader, ImportError},
     mesh::repair::{Components, MeshFacts, MeshRefusal, RepairOptions, repair},
     model::{Artifact, Noun, SourceMesh},
@@ -29,6 +34,20 @@ const FALLBACK_HEIGHT: f64 = 180.0;
 pub struct InputTable {
     /// The mesh file, relative to the config.
     pub mesh: Option<PathBuf>,
+    /// The drawing of a crease pattern, relative to the config.
+    pub pattern: Option<PathBuf>,
+    /// What the lines on layers of a pattern are: border, crease, mountain, valley, cut or ignored.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub layers: BTreeMap<String, String>,
+    /// What the lines of colours ("#RRGGBB") of a pattern are.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub colors: BTreeMap<String, String>,
+    /// Where the border of a pattern comes from.
+    pub border: Option<BorderKey>,
+    /// Ends of lines of a pattern nearer than this to another line are moved onto it.
+    pub snap: Option<Length>,
+    /// Pixels per inch of a pattern without a unit.
+    pub dpi: Option<f64>,
     units: Option<Unit>,
     scale: Option<f64>,
     height: Option<Length>,
@@ -104,6 +123,14 @@ pub enum InputError {
         /// Why.
         reason: String,
     },
+    /// The crease pattern.
+    #[error("the crease pattern {path} is refused: {reason}")]
+    Pattern {
+        /// The file.
+        path: String,
+        /// Why.
+        reason: String,
+    },
     /// The surface cannot be worked with.
     #[error("the mesh {path} is refused")]
     Refused {
@@ -121,8 +148,8 @@ pub struct Source {
     pub artifact: Artifact,
     /// Hash of its content.
     pub key: Key,
-    /// What was drawn on it, a [`crate::model::Guides`], with the hash of its content.
-    pub guides: Option<(Artifact, Key)>,
+    /// What was drawn on it, [`crate::model::Guides`] or a [`crate::model::CreasePattern`], with the hash of its content.
+    pub beside: Option<(Artifact, Key)>,
     /// The `input` table of the report.
     pub facts: Value,
     /// What the user should know.
@@ -133,11 +160,23 @@ impl Source {
     /// Reads, repairs and scales the mesh that `[input]` names.
     pub fn load(config: &Config<'_>) -> Result<Self, InputError> {
         let table = &config.input;
+        if let Some(pattern) = &table.pattern {
+            if table.mesh.is_some() {
+                let span = config.input_spans.get("mesh").cloned();
+                return Err(config
+                    .source
+                    .error("`input.mesh` and `input.pattern` are both given; keep one", span)
+                    .into());
+            }
+            return pattern::load(config, pattern);
+        }
         let sizing = Sizing::of(config)?;
-        let given = table
-            .mesh
-            .as_deref()
-            .ok_or_else(|| config.source.error("the config names no mesh; add [input] with mesh = \"FILE\"", None))?;
+        let given = table.mesh.as_deref().ok_or_else(|| {
+            config.source.error(
+                "the config names no mesh; add [input] with mesh = \"FILE\", or pattern = \"FILE\" for recipe fold",
+                None,
+            )
+        })?;
         let path = config.source.folder().join(given);
         let soup = reader::read(&path)?;
         let options = RepairOptions {
@@ -160,12 +199,12 @@ impl Source {
         let mesh = SourceMesh { mesh, file, repairs: repairs.iter().map(ToString::to_string).collect(), up };
         let facts = facts(&mesh);
         let (artifact, key) = keyed(mesh.wrap());
-        Ok(Self { artifact, key, guides, facts, warnings })
+        Ok(Self { artifact, key, beside: guides, facts, warnings })
     }
 }
 
 /// An artifact with the hash of its content.
-fn keyed(artifact: Artifact) -> (Artifact, Key) {
+pub(super) fn keyed(artifact: Artifact) -> (Artifact, Key) {
     let key = *blake3::hash(&codec::encode(std::slice::from_ref(&artifact))).as_bytes();
     (artifact, key)
 }
@@ -184,26 +223,40 @@ pub fn inspect_mesh(path: &Path) -> Result<Value, String> {
 }
 
 /// How the physical size is given.
-enum Sizing {
+pub(super) enum Sizing {
+    /// Millimetres per unit of the file.
+    Unit(f64),
     Factor(f64),
     /// Extent along an axis of (width, height, depth), or the diagonal, in mm.
     Along(Axis, f64),
     Unknown,
 }
 
-enum Axis {
+pub(super) enum Axis {
     Width,
     Height,
     Depth,
     Diagonal,
 }
 
+impl Axis {
+    /// Extent of a drawing along it; it has no depth.
+    pub(super) fn of_plane(&self, size: Vec2) -> Option<f64> {
+        match self {
+            Self::Width => Some(size.x),
+            Self::Height => Some(size.y),
+            Self::Depth => None,
+            Self::Diagonal => Some(size.norm()),
+        }
+    }
+}
+
 impl Sizing {
-    fn of(config: &Config<'_>) -> Result<Self, ConfigError> {
+    pub(super) fn of(config: &Config<'_>) -> Result<Self, ConfigError> {
         let table = &config.input;
         let length = |it: Option<Length>| it.map(|it| it.mm);
         let given: Vec<(&str, Self, f64)> = [
-            ("units", table.units.map(Unit::millimetres), Self::Factor as fn(f64) -> Self),
+            ("units", table.units.map(Unit::millimetres), Self::Unit as fn(f64) -> Self),
             ("scale", table.scale, Self::Factor),
             ("width", length(table.width), |mm| Self::Along(Axis::Width, mm)),
             ("height", length(table.height), |mm| Self::Along(Axis::Height, mm)),
@@ -236,7 +289,7 @@ impl Sizing {
         // A flat model has no height; its diagonal stands in, so that nothing is divided by 0.
         let along = |extent: f64, mm: f64| if extent > 0.0 { mm / extent } else { mm / size.norm() };
         match self {
-            Self::Factor(factor) => *factor,
+            Self::Unit(factor) | Self::Factor(factor) => *factor,
             Self::Along(Axis::Width, mm) => along(size.x, *mm),
             Self::Along(Axis::Height, mm) => along(height, *mm),
             Self::Along(Axis::Depth, mm) => along(depth, *mm),

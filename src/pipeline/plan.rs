@@ -54,9 +54,10 @@ pub fn plan_all(config: Config<'_>) -> Result<Plan, Vec<PlanError>> {
         problems.push(err);
         vec![]
     });
+    problems.extend(wrong_input(&config, &stages));
     let Config { seed, recipe, input, output, formats_span, mut tables, .. } = config;
     let dir = output.dir;
-    let mut made = vec![Kind::SourceMesh];
+    let mut made = vec![Kind::SourceMesh, Kind::CreasePattern];
     for def in &stages {
         if let Some(&needs) = def.needs.iter().find(|it| !made.contains(it)) {
             let maker = STAGES.iter().find(|it| it.makes.contains(&needs)).map_or("none", |it| it.name);
@@ -107,6 +108,24 @@ pub fn plan_all(config: Config<'_>) -> Result<Plan, Vec<PlanError>> {
         echo[def.name] = ready.options.clone();
     }
     Ok(Plan { recipe, seed, stages: rows, profiles, formats, echo, warnings })
+}
+
+/// A mesh where a crease pattern is wanted, or the other way round.
+fn wrong_input(config: &Config<'_>, stages: &[StageDef]) -> Option<PlanError> {
+    let folds = stages.iter().any(|it| it.needs.contains(&Kind::CreasePattern));
+    let drawn = config.input.pattern.is_some();
+    let span = |key: &str| config.input_spans.get(key).cloned();
+    match (folds, drawn) {
+        (true, false) => {
+            let message = "recipe `fold` reads a crease pattern: [input] pattern = \"FILE\" (svg, dxf or fold)";
+            Some(config.source.error(message, span("mesh").or(Some(config.recipe.span()))))
+        }
+        (false, true) if !stages.is_empty() => {
+            let message = "a crease pattern is read by recipe = \"fold\" only; the others need input.mesh";
+            Some(config.source.error(message, span("pattern")))
+        }
+        _ => None,
+    }
 }
 
 /// Parses the table of a stage. A key with a problem is said and left out, so that the others are looked at, too.

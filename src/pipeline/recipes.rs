@@ -3,8 +3,8 @@ use crate::{
     stage::StageDef,
     stages::{
         coarsen::stage::CoarsenStage, cut::stage::CutStage, develop::stage::Develop, flatten::stage::FlattenStage,
-        layout::stage::LayoutStage, mill::stage::MillStage, nest::stage::NestStage, route::stage::RouteStage,
-        sphere::stage::SphereStage, stripes::stage::StripesStage, strips::stage::StripsStage,
+        fold::stage::FoldStage, layout::stage::LayoutStage, mill::stage::MillStage, nest::stage::NestStage,
+        route::stage::RouteStage, sphere::stage::SphereStage, stripes::stage::StripesStage, strips::stage::StripsStage,
         unfold::stage::UnfoldStage,
     },
 };
@@ -19,6 +19,7 @@ pub const STAGES: &[StageDef] = &[
     StageDef::of::<FlattenStage>(),
     StageDef::of::<StripsStage>(),
     StageDef::of::<UnfoldStage>(),
+    StageDef::of::<FoldStage>(),
     StageDef::of::<LayoutStage>(),
     StageDef::of::<NestStage>(),
     StageDef::of::<RouteStage>(),
@@ -31,6 +32,8 @@ pub struct Recipe {
     pub name: &'static str,
     /// One line for people.
     pub about: &'static str,
+    /// The key of `[input]` that names what it reads: `mesh` or `pattern`.
+    pub reads: &'static str,
     /// Names of its stages, in order.
     pub stages: &'static [&'static str],
     /// Those that come on top where the machine works blocks.
@@ -41,11 +44,19 @@ pub struct Recipe {
     pub sample: &'static str,
 }
 
+impl Recipe {
+    /// Name of a file that it could read.
+    pub fn sample_input(&self) -> &'static str {
+        if self.reads == "pattern" { "pattern.svg" } else { "model.obj" }
+    }
+}
+
 /// Every recipe.
 pub const RECIPES: &[Recipe] = &[
     Recipe {
         name: "developable",
         about: "make a mesh piecewise developable, cut it along its seams and flatten the pieces",
+        reads: "mesh",
         stages: &["coarsen", "develop", "cut", "flatten", "strips", "layout", "nest", "route"],
         of_blocks: &["mill"],
         defaults: &[],
@@ -54,6 +65,7 @@ pub const RECIPES: &[Recipe] = &[
     Recipe {
         name: "facets",
         about: "coarsen a mesh to a few hundred faces and unfold it exactly, to be folded at every edge",
+        reads: "mesh",
         stages: &["coarsen", "unfold", "layout", "nest", "route"],
         of_blocks: &[],
         defaults: &[
@@ -65,6 +77,7 @@ pub const RECIPES: &[Recipe] = &[
     Recipe {
         name: "stripes",
         about: "cut a mesh into strips along lines at a spacing that start and end where you say, or only draw them",
+        reads: "mesh",
         stages: &["coarsen", "stripes", "cut", "flatten", "layout", "nest", "route"],
         of_blocks: &[],
         defaults: &[
@@ -77,9 +90,19 @@ pub const RECIPES: &[Recipe] = &[
     Recipe {
         name: "sphere",
         about: "cut a closed mesh without handles into gores from pole to pole, for globes, balls and balloons",
+        reads: "mesh",
         stages: &["sphere", "cut", "flatten", "layout", "nest", "route"],
         of_blocks: &[],
         defaults: &[],
         sample: "[sphere]\ncount = 12                 # gores; they are halved where they stretch more than the material\ngraticule = 15             # degrees between engraved parallels and meridians; 0 for none\n",
+    },
+    Recipe {
+        name: "fold",
+        about: "fold a drawing of curved creases, find mountains and valleys, and score and cut the sheet",
+        reads: "pattern",
+        stages: &["fold", "layout", "nest", "route"],
+        of_blocks: &[],
+        defaults: &[],
+        sample: "[fold]\nmotion = \"lift-corners\"    # or saddle, pinch, close; or handles: [[fold.handle]] at = [0, 0], to = [10, 0, 20]\n",
     },
 ];

@@ -105,10 +105,10 @@ pub fn run(
     let seconds = || start.elapsed().as_secs_f64();
     let monitor = Monitor::new(&cancelled, &progress, &seconds);
 
-    let Source { artifact, key, guides, facts, .. } = source;
+    let Source { artifact, key, beside, facts, .. } = source;
     let mut store = Store::default();
     store.put(artifact, key);
-    guides.into_iter().for_each(|(artifact, key)| store.put(artifact, key));
+    beside.into_iter().for_each(|(artifact, key)| store.put(artifact, key));
     let mut section = Section::new("input", facts);
     let mut rows = Vec::new();
     let mut failure = None;

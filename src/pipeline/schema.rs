@@ -82,7 +82,7 @@ mod tests {
         let schema = schema();
         for recipe in RECIPES {
             let set = [format!("recipe={}", recipe.name)];
-            let text = ConfigText::for_mesh(std::path::Path::new("a.obj"), &set).unwrap();
+            let text = ConfigText::for_mesh(recipe.sample_input().as_ref(), &set).unwrap();
             let plan = plan(Config::parse(&text).unwrap()).unwrap();
             let mut missing = Vec::new();
             unknown(&plan.echo, &schema, "", &mut missing);

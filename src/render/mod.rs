@@ -37,6 +37,21 @@ fn png(width: u32, height: u32, colors: &[Rgb]) -> Result<Vec<u8>, RenderError> 
     encode(&pixmap)
 }
 
+/// Pictures of one size side by side, `columns` in a row.
+pub fn tiles(pictures: &[Vec<Rgb>], [width, height]: [u32; 2], columns: usize) -> Result<Vec<u8>, RenderError> {
+    let columns = columns.min(pictures.len()).max(1);
+    let rows = pictures.len().div_ceil(columns);
+    let (w, h) = (width as usize, height as usize);
+    let mut pixels = vec![[u8::MAX; 3]; columns * w * rows * h];
+    for (k, picture) in pictures.iter().enumerate() {
+        for (y, line) in picture.chunks_exact(w).enumerate() {
+            let at = ((k / columns) * h + y) * columns * w + (k % columns) * w;
+            pixels[at..at + w].copy_from_slice(line);
+        }
+    }
+    png(width * columns as u32, height * rows as u32, &pixels)
+}
+
 fn encode(pixmap: &Pixmap) -> Result<Vec<u8>, RenderError> {
     pixmap.encode_png().map_err(|error| RenderError::Png(error.to_string()))
 }

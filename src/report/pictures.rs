@@ -1,10 +1,13 @@
-//! Previews: the input, coarse, developed and cut mesh, its strips, the stripes on it from two sides, the developed mesh after each round, and every sheet, as PNG; what
+//! Previews: the input, coarse, developed and cut mesh, the folded sheet and the steps on its way, its strips, the stripes on it from two sides, the developed mesh after each round, and every sheet, as PNG; what
 //! closeness costs, as SVG.
 use super::chart;
 use crate::{
     geom::{Vec2, Vec3},
-    mesh::{FaceId, Id, TriMesh},
-    model::{CutMesh, DevelopableMesh, Milling, Operation, Sheets, SourceMesh, StripeLine, Stripes, Strips},
+    mesh::{FaceId, Field, Id, TriMesh},
+    model::{
+        CutMesh, DevelopableMesh, FoldSample, Folded, FoldedCrease, Milling, Operation, Sheets, SourceMesh, StripeLine,
+        Stripes, Strips,
+    },
     render::{self, Edges, MeshStyle, RenderError, Rgb, SheetStyle, Stroke, Up, palette},
 };
 
@@ -27,6 +30,8 @@ pub struct Subjects<'a> {
     pub sheets: Option<&'a Sheets>,
     /// What was milled.
     pub milling: Option<&'a Milling>,
+    /// The folded sheet, whose mesh is that of `cut`.
+    pub folded: Option<&'a Folded>,
     /// Line colours of the machine profile.
     pub line: &'a (dyn Fn(Operation) -> Rgb + Sync),
 }
@@ -84,6 +89,13 @@ pub fn pictures<'a>(subjects: Subjects<'a>) -> Vec<Drawing<'a>> {
         };
         out.push(("preview/cut.png".into(), Box::new(draw)));
     }
+    if let Some((folded, cut)) = subjects.folded.zip(subjects.cut) {
+        for (name, turn) in [("folded", 0.0), ("folded-behind", std::f64::consts::PI)] {
+            let style = MeshStyle { azimuth: base.azimuth + turn, elevation: ABOVE, ..base };
+            out.push((format!("preview/{name}.png"), Box::new(move || draw_folded(folded, &cut.mesh, style))));
+        }
+        out.push(("preview/folding.png".into(), Box::new(move || folding(folded, &cut.mesh, base))));
+    }
     if let Some(strips) = subjects.strips {
         out.push(("preview/strips.png".into(), Box::new(move || draw_strips(strips, base))));
     }
@@ -132,6 +144,39 @@ fn draw_stripes(stripes: &Stripes, mesh: &TriMesh, base: MeshStyle<'_>) -> Resul
     });
     let strokes: Vec<Stroke> = stripes.lines.iter().map(line).chain(starts).chain(ends).collect();
     render::mesh(mesh, &MeshStyle { strokes: &strokes, ..base })
+}
+
+/// How far above the horizon a folded sheet is looked at from, radians.
+const ABOVE: f64 = 0.6;
+/// Sides of a picture of a step of folding, pixels, and most of them in a row.
+const STEP: (u32, usize) = (400, 4);
+
+/// The sheet with its mountains in red and its valleys in blue.
+fn draw_folded(folded: &Folded, mesh: &TriMesh, base: MeshStyle<'_>) -> Result<Vec<u8>, RenderError> {
+    const MOUNTAIN: Rgb = [0xc8, 0x1e, 0x1e];
+    const VALLEY: Rgb = [0x1f, 0x4f, 0xb8];
+    let strokes = |it: &FoldedCrease| {
+        let again = it.samples.first().filter(|_| it.closed);
+        let samples: Vec<_> = it.samples.iter().chain(again).collect();
+        let stroke = |w: &[&FoldSample]| {
+            let color = if w[0].angle + w[1].angle > 0.0 { MOUNTAIN } else { VALLEY };
+            Stroke { points: vec![w[0].place, w[1].place], closed: false, color, width: 2.0 }
+        };
+        samples.windows(2).map(stroke).collect::<Vec<_>>()
+    };
+    let strokes: Vec<Stroke> = folded.creases.iter().flat_map(strokes).collect();
+    render::mesh(mesh, &MeshStyle { strokes: &strokes, edges: Edges::Boundary, ..base })
+}
+
+/// The steps from flat to folded, side by side.
+fn folding(folded: &Folded, mesh: &TriMesh, base: MeshStyle<'_>) -> Result<Vec<u8>, RenderError> {
+    let (side, row) = STEP;
+    let style = MeshStyle { width: side, height: side, elevation: ABOVE, ..base };
+    let step = |points: &Vec<Vec3>| {
+        Ok(render::scene(&mesh.with_positions(Field::from_vec(points.clone())), &style, &[])?.pixels)
+    };
+    let pictures = folded.frames.iter().map(|it| step(&it.points)).collect::<Result<Vec<_>, RenderError>>()?;
+    render::tiles(&pictures, [side, side], row)
 }
 
 /// Panels with their outlines, a colour per strip, shade by their normals.

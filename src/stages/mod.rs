@@ -4,6 +4,7 @@ pub mod coarsen;
 pub mod cut;
 pub mod develop;
 pub mod flatten;
+pub mod fold;
 pub mod layout;
 pub mod mill;
 pub mod nest;

@@ -7,6 +7,7 @@ mod facets;
 mod figures;
 mod files;
 mod fixtures;
+mod fold;
 mod job;
 mod layout;
 mod machine;

@@ -24,13 +24,13 @@ fn names_are_unique() {
 fn every_recipe_plans_with_its_defaults() {
     for recipe in RECIPES {
         let sets = [format!("recipe={}", recipe.name)];
-        let text = ConfigText::for_mesh("mesh.obj".as_ref(), &sets).unwrap();
+        let text = ConfigText::for_mesh(recipe.sample_input().as_ref(), &sets).unwrap();
         let made = plan(Config::parse(&text).unwrap()).unwrap_or_else(|err| panic!("{}: {err}", recipe.name));
         let names: Vec<_> = made.stages.iter().map(|it| it.0.name).collect();
         assert_eq!(names, recipe.stages, "{}", recipe.name);
         for (machine, on_top) in [("mill-ac", recipe.of_blocks), ("hot-wire", recipe.of_blocks), ("pen-plotter", &[])] {
             let sets = [format!("recipe={}", recipe.name), format!("machine.profile={machine}")];
-            let text = ConfigText::for_mesh("mesh.obj".as_ref(), &sets).unwrap();
+            let text = ConfigText::for_mesh(recipe.sample_input().as_ref(), &sets).unwrap();
             let made = plan(Config::parse(&text).unwrap()).unwrap_or_else(|err| panic!("{}: {err}", recipe.name));
             let names: Vec<_> = made.stages.iter().map(|it| it.0.name).collect();
             assert_eq!(names, [recipe.stages, on_top].concat(), "{} on {machine}", recipe.name);

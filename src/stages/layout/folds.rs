@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 use crate::{
     geom::{
         Vec2, angle_between,
+        polygon::{edges, point_segment_distance},
         polyline::{ArcLength, simplify},
     },
-    mesh::{EdgeId, HalfedgeId, TriMesh, VertexId},
-    model::{CutMesh, Flattening, Mark, Operation, PieceId},
+    mesh::{EdgeId, HalfedgeId, Id, TriMesh, VertexId},
+    model::{self, CutMesh, Flattening, Folded, FoldedCrease, Mark, Operation, PieceId, Run},
 };
 
 /// Fold lines end this far from the outline, mm, so that a score does not tear the edge.
@@ -73,6 +74,26 @@ fn bend(mesh: &TriMesh, h: HalfedgeId) -> Option<f64> {
 pub(super) fn mark(cut: &CutMesh, flat: &Flattening, fold: &Fold) -> Option<Mark> {
     let (points, closed) = line(cut, flat, &fold.chain)?;
     Some(Mark { operation: fold.operation, points, closed })
+}
+
+/// The creases that a piece was folded along as they are drawn: scores where it is known which way they fold, engraved lines
+/// where it is not.
+pub(super) fn creases(folded: Option<&Folded>, piece: PieceId, contours: &[Vec<Vec2>]) -> Vec<Mark> {
+    let on_edge =
+        |p: Vec2| contours.iter().flat_map(|it| edges(it)).any(|(a, b)| point_segment_distance(p, a, b) < SETBACK);
+    let mark = |run: Run| {
+        let operation = match run.fold {
+            model::Fold::Mountain => Operation::ScoreMountain,
+            model::Fold::Valley => Operation::ScoreValley,
+            model::Fold::Unknown => Operation::Engrave,
+        };
+        let [start, end] = [run.points[0], run.points[run.points.len() - 1]].map(|p| !run.closed && on_edge(p));
+        let points = if run.closed { run.points } else { trimmed(&run.points, start, end)? };
+        let kept = simplify(&points, run.closed, STRAIGHT, &|_| false);
+        Some(Mark { operation, points: kept.into_iter().map(|i| points[i]).collect(), closed: run.closed })
+    };
+    let own = folded.into_iter().flat_map(|it| &it.creases).filter(|it| it.piece == piece.index());
+    own.flat_map(FoldedCrease::runs).filter_map(mark).collect()
 }
 
 /// Cuts of length `cut` through a fold instead of a line, at least `gap` apart, as real segments: a dash pattern would be

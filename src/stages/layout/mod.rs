@@ -28,7 +28,7 @@ use std::collections::BTreeMap;
 use crate::{
     geom::{Vec2, polygon::area},
     mesh::HalfedgeId,
-    model::{CutMesh, Flattening, Mark, Misfit, Opening, Parts, PieceId},
+    model::{CutMesh, Flattening, Folded, Mark, Misfit, Opening, Parts, PieceId},
     numeric::{Cancelled, Monitor},
 };
 use bends::Bent;
@@ -80,9 +80,17 @@ pub enum LayoutError {
 }
 
 /// Makes a part of every piece.
-pub fn layout(cut: &CutMesh, flat: &Flattening, options: &Options, monitor: &Monitor) -> Result<Parts, LayoutError> {
+///
+/// Where the sheet was `folded` along drawn creases, these are the folds, and not the edges that are bent.
+pub fn layout(
+    cut: &CutMesh,
+    flat: &Flattening,
+    folded: Option<&Folded>,
+    options: &Options,
+    monitor: &Monitor,
+) -> Result<Parts, LayoutError> {
     flat.fits(cut)?;
-    let folds = folds::folds(cut, options.fold_angle);
+    let folds = if folded.is_some() { Vec::new() } else { folds::folds(cut, options.fold_angle) };
     let bent = match &options.bending {
         Some(sheet) => bends::correct(cut, flat, &folds, sheet),
         None => Bent::untouched(flat, &folds),
@@ -113,7 +121,8 @@ pub fn layout(cut: &CutMesh, flat: &Flattening, options: &Options, monitor: &Mon
                     parts.openings.push(Opening { part: name.clone(), width: options.slit, area: lost });
                 }
                 let own = folds.iter().filter(|it| it.piece == piece);
-                let marks = own.filter_map(|it| folds::mark(cut, flat, it)).collect();
+                let drawn = folds::creases(folded, piece, &found.contours);
+                let marks = own.filter_map(|it| folds::mark(cut, flat, it)).chain(drawn).collect();
                 bodies.insert(piece, Body { name, contours: found.contours, marks });
             }
             Err(reason) => parts.refused.push(format!("piece {name}: {reason}")),
@@ -135,12 +144,16 @@ pub fn layout(cut: &CutMesh, flat: &Flattening, options: &Options, monitor: &Mon
         monitor,
         &mut parts,
     )?;
-    if let Some((length, gap)) = options.perforation {
-        for part in &mut parts.parts {
-            let (folds, others): (Vec<Mark>, Vec<Mark>) = part.marks.drain(..).partition(|it| it.operation.is_score());
-            part.marks = others;
-            part.marks.extend(folds.iter().flat_map(|it| folds::perforated(it, length, gap)));
-        }
-    }
+    perforate(&mut parts, options.perforation);
     Ok(parts)
+}
+
+/// Cuts folds through in stretches of the first length, at least the second one apart.
+fn perforate(parts: &mut Parts, perforation: Option<(f64, f64)>) {
+    let Some((length, gap)) = perforation else { return };
+    for part in &mut parts.parts {
+        let (folds, others): (Vec<Mark>, Vec<Mark>) = part.marks.drain(..).partition(|it| it.operation.is_score());
+        part.marks = others;
+        part.marks.extend(folds.iter().flat_map(|it| folds::perforated(it, length, gap)));
+    }
 }

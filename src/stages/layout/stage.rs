@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::{Bending, Hold, Holes, Join, LayoutError, Options, Sides, Tabs, engrave, inspect, layout, rulings};
 use crate::{
     geom::outline::check_outline,
-    model::{CutMesh, Flattening, Joints, Operation, Parts, Stripes, Strips},
+    model::{CutMesh, Flattening, Folded, Joints, Operation, Parts, Stripes, Strips},
     profile::{Angle, Bend, JoinKind, Joining, Length, Perforation, Profiles, TabSides},
     stage::{Check, Cx, Inputs, KeyError, Section, Stage},
 };
@@ -86,7 +86,7 @@ pub struct Craft {
 impl Stage for LayoutStage {
     const NAME: &'static str = "layout";
     const VERSION: u32 = 11;
-    type Input = (CutMesh, Flattening, Option<Strips>, Option<Stripes>);
+    type Input = (CutMesh, Flattening, Option<Strips>, Option<Stripes>, Option<Folded>);
     type Output = Parts;
     type Profile = Craft;
     type Error = LayoutError;
@@ -118,7 +118,7 @@ impl Stage for LayoutStage {
 
     fn run(
         &self,
-        (cut, flat, strips, stripes): <Self::Input as Inputs>::Refs<'_>,
+        (cut, flat, strips, stripes, folded): <Self::Input as Inputs>::Refs<'_>,
         craft: &Craft,
         cx: &Cx,
     ) -> Result<Parts, LayoutError> {
@@ -141,7 +141,7 @@ impl Stage for LayoutStage {
             }),
             perforation: craft.perforation.map(|it| (it.cut.mm, it.gap.mm)),
         };
-        let mut parts = layout(cut, flat, &options, &cx.monitor)?;
+        let mut parts = layout(cut, flat, folded, &options, &cx.monitor)?;
         if let Some(strips) = strips.filter(|_| self.rulings != Rulings::None) {
             let score = self.rulings == Rulings::Score;
             let (spacing, fold_angle) = (self.ruling_spacing.mm, self.fold_angle.radians);

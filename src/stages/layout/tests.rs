@@ -173,7 +173,7 @@ fn slit_piece() -> (CutMesh, Flattening) {
 }
 
 fn made(input: &(CutMesh, Flattening)) -> Parts {
-    layout(&input.0, &input.1, &OPTIONS, &Monitor::silent()).unwrap()
+    layout(&input.0, &input.1, None, &OPTIONS, &Monitor::silent()).unwrap()
 }
 
 /// Point and normal-free place of every tick, as distance from its base on the outline to the start of a seam side.
@@ -332,7 +332,7 @@ fn halves() -> (CutMesh, Flattening) {
 }
 
 fn joined(input: &(CutMesh, Flattening), join: Join) -> Parts {
-    let parts = layout(&input.0, &input.1, &Options { join, ..OPTIONS }, &Monitor::silent()).unwrap();
+    let parts = layout(&input.0, &input.1, None, &Options { join, ..OPTIONS }, &Monitor::silent()).unwrap();
     for part in &parts.parts {
         assert_eq!(check_outline(&part.contours), Ok(()), "part {}", part.name);
     }
@@ -449,10 +449,10 @@ fn a_number_goes_where_there_is_room_and_a_line_leads_to_its_seam() {
 fn inputs_that_do_not_belong_together_are_refused() {
     let (cut, mut flat) = slit_piece();
     flat.uv[VertexId(3)].x = f64::NAN;
-    let fault = layout(&cut, &flat, &OPTIONS, &Monitor::silent());
+    let fault = layout(&cut, &flat, None, &OPTIONS, &Monitor::silent());
     assert!(matches!(fault, Err(LayoutError::Misfit(Misfit::NotFinite { vertex: 3, .. }))));
     flat.uv = Field::filled(2, Vec2::zeros());
-    let fault = layout(&cut, &flat, &OPTIONS, &Monitor::silent());
+    let fault = layout(&cut, &flat, None, &OPTIONS, &Monitor::silent());
     assert!(matches!(fault, Err(LayoutError::Misfit(Misfit::Count { found: 2, .. }))));
 }
 
@@ -462,7 +462,7 @@ const SHEET: Bending = Bending { thickness: 1.0, radius: 2.0, k_factor: 0.33 };
 
 fn in_metal(input: &(CutMesh, Flattening)) -> Parts {
     let options = Options { bending: Some(SHEET), join: Join::Butt, ..OPTIONS };
-    let parts = layout(&input.0, &input.1, &options, &Monitor::silent()).unwrap();
+    let parts = layout(&input.0, &input.1, None, &options, &Monitor::silent()).unwrap();
     for part in &parts.parts {
         assert_eq!(check_outline(&part.contours), Ok(()));
         assert!(part.marks.iter().flat_map(|it| &it.points).all(|&p| contains(&part.contours, p)));
@@ -548,7 +548,7 @@ fn bends_that_no_flat_pattern_can_take_in_print_their_deduction() {
 fn perforated_folds_are_real_segments() {
     let input = three_pieces();
     let options = Options { perforation: Some((2.0, 1.0)), ..OPTIONS };
-    let (whole, cut) = (made(&input), layout(&input.0, &input.1, &options, &Monitor::silent()).unwrap());
+    let (whole, cut) = (made(&input), layout(&input.0, &input.1, None, &options, &Monitor::silent()).unwrap());
     let folds = |parts: &Parts| -> Vec<Mark> {
         parts.parts.iter().flat_map(|it| it.marks.clone()).filter(|it| it.operation.is_score()).collect()
     };
