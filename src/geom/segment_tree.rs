@@ -75,14 +75,20 @@ impl SegmentTree {
 
     /// Calls `visit` with every segment whose box touches `bounds` until it returns `false`; says whether it never did.
     pub fn visit<'a>(&'a self, bounds: &Box2, visit: &mut dyn FnMut(&'a Segment) -> bool) -> bool {
-        let mut stack = if self.nodes.is_empty() { vec![] } else { vec![0] };
-        while let Some(at) = stack.pop() {
+        // Halves at every level: the tree is no deeper than a count of segments has bits. Off the heap, because small windows
+        // are asked for very often.
+        let mut stack = [0; usize::BITS as usize + 1];
+        let mut waiting = usize::from(!self.nodes.is_empty());
+        while waiting > 0 {
+            waiting -= 1;
+            let at = stack[waiting];
             let node = &self.nodes[at];
             if !node.bounds.touches(bounds) {
                 continue;
             }
             if node.second != 0 {
-                stack.extend([node.second, at + 1]);
+                (stack[waiting], stack[waiting + 1]) = (node.second, at + 1);
+                waiting += 2;
                 continue;
             }
             for segment in &self.segments[node.start..node.end] {

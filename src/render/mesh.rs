@@ -106,24 +106,38 @@ pub struct Scene {
     pub pixels: Vec<Rgb>,
     /// Of the points asked for: pixels from the upper left corner, `None` where the surface hides them.
     pub places: Vec<Option<Vec2>>,
-    /// How much of each face is seen, in samples.
-    pub seen: Field<FaceId, u32>,
 }
 
-/// Draws a mesh and looks where points in space come to lie.
-pub fn scene(mesh: &TriMesh, style: &MeshStyle<'_>, points: &[Vec3]) -> Result<Scene, RenderError> {
+/// How much of each face is seen, in samples.
+pub fn seen(mesh: &TriMesh, style: &MeshStyle<'_>) -> Result<Field<FaceId, u32>, RenderError> {
+    let canvas = surface(mesh, &View::new(mesh, style), style)?;
+    let mut seen = Field::filled(mesh.face_count(), 0);
+    canvas.face.iter().filter(|&&it| it > 0).for_each(|&it| seen[FaceId(it - 1)] += 1);
+    Ok(seen)
+}
+
+/// The faces, without lines.
+fn surface(mesh: &TriMesh, view: &View, style: &MeshStyle<'_>) -> Result<Canvas, RenderError> {
     let (width, height) = (style.width, style.height);
     if width == 0 || height == 0 || width > LARGEST || height > LARGEST {
         return Err(RenderError::Size { width, height });
     }
-    let view = View::new(mesh, style);
     let mut canvas = Canvas::new(width * SAMPLES, height * SAMPLES);
-    let mut lights = vec![[0.0; 3]];
     for face in mesh.faces() {
-        let corners = mesh.face_vertices(face).map(|v| view.points[v]);
-        lights.push(shade((style.face)(face), view.rotation * mesh.normal(face), corners));
-        canvas.triangle(corners, face.0 + 1);
+        canvas.triangle(mesh.face_vertices(face).map(|v| view.points[v]), face.0 + 1);
     }
+    Ok(canvas)
+}
+
+/// Draws a mesh and looks where points in space come to lie.
+pub fn scene(mesh: &TriMesh, style: &MeshStyle<'_>, points: &[Vec3]) -> Result<Scene, RenderError> {
+    let view = View::new(mesh, style);
+    let mut canvas = surface(mesh, &view, style)?;
+    let mut lights = vec![[0.0; 3]];
+    lights.extend(mesh.faces().map(|face| {
+        let corners = mesh.face_vertices(face).map(|v| view.points[v]);
+        shade((style.face)(face), view.rotation * mesh.normal(face), corners)
+    }));
     let pixel = f64::from(SAMPLES);
     for edge in mesh.edges() {
         let (ink, width) = line(mesh, edge, style.edges);
@@ -134,8 +148,6 @@ pub fn scene(mesh: &TriMesh, style: &MeshStyle<'_>, points: &[Vec3]) -> Result<S
             });
         }
     }
-    let mut seen = Field::filled(mesh.face_count(), 0);
-    canvas.face.iter().filter(|&&it| it > 0).for_each(|&it| seen[FaceId(it - 1)] += 1);
     for stroke in style.strokes {
         let color = lights.len() as u32;
         lights.push(stroke.color.map(decode));
@@ -156,7 +168,7 @@ pub fn scene(mesh: &TriMesh, style: &MeshStyle<'_>, points: &[Vec3]) -> Result<S
         (inside && depth as f32 >= canvas.inverse_depth[row * canvas.width + column]).then_some(it.at / pixel)
     };
     let places = points.iter().map(place).collect();
-    Ok(Scene { pixels: canvas.resolve(width, height, &lights), places, seen })
+    Ok(Scene { pixels: canvas.resolve(style.width, style.height, &lights), places })
 }
 
 /// Ink in [0, 1] and width in pixels of an edge.

@@ -5,7 +5,7 @@ mod mesh;
 mod sheet;
 
 pub use color::{Rgb, palette};
-pub use mesh::{Edges, MeshStyle, Scene, Stroke, Up, mesh, scene};
+pub use mesh::{Edges, MeshStyle, Scene, Stroke, Up, mesh, scene, seen};
 use resvg::tiny_skia::{ColorU8, Pixmap};
 pub use sheet::{SheetStyle, lines, sheet};
 

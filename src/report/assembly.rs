@@ -144,7 +144,7 @@ fn view(mesh: &TriMesh, style: &MeshStyle<'_>, is_new: &dyn Fn(FaceId) -> bool) 
         for k in 0..AROUND {
             let azimuth = style.azimuth + std::f64::consts::TAU * k as f64 / AROUND as f64;
             let small = MeshStyle { width: SMALL, height: SMALL, azimuth, elevation, ..*style };
-            let seen = render::scene(mesh, &small, &[])?.seen;
+            let seen = render::seen(mesh, &small)?;
             let count = |new: bool| seen.enumerate().filter(|it| is_new(it.0) == new).map(|it| *it.1).sum::<u32>();
             let score = f64::from(count(true)) * f64::from(1 + count(false)).powf(CONTEXT);
             if score > best.0 {

@@ -42,6 +42,30 @@ fn a_figure_becomes_a_few_pieces_that_fold() {
     assert_eq!(names.len(), pieces.len());
 }
 
+#[test]
+fn facets_of_sheet_metal_have_outlines_after_their_bends_are_taken_in() {
+    let out = tempfile::tempdir().unwrap();
+    let mesh = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/rounded-cube.obj");
+    let mut run = Command::new(env!("CARGO_BIN_EXE_fabricate"));
+    run.args(["run", mesh, "--to", "layout", "--quiet", "--json", "--out"]).arg(out.path());
+    let sets = [
+        "recipe=facets",
+        "input.units=mm",
+        "coarsen.faces=60",
+        "unfold.effort=5",
+        "material.profile=aluminium-1mm",
+        "machine.profile=shop",
+    ];
+    run.args(sets.iter().flat_map(|it| ["--set", it]));
+    let report: Value = serde_json::from_slice(&run.output().unwrap().stdout).unwrap();
+    // Flanges move towards one another by their bends' deductions, and overlap at corners where they touched.
+    let bends = report["outlines"]["bends"].as_array().unwrap();
+    assert!(bends.len() > 20 && bends.iter().any(|it| it["corrected"] == true), "{bends:?}");
+    assert!(!report["outlines"]["opened_slits"].as_array().unwrap().is_empty());
+    let failed: Vec<&Value> = report["checks"].as_array().unwrap().iter().filter(|it| it["ok"] == false).collect();
+    assert!(failed.is_empty(), "{failed:#?}");
+}
+
 /// The report of a cylinder in felt 3 mm thick, and the radius of the surface that was cut.
 fn felt(recipe: &str, last: &str, neutral_layer: f64) -> (Value, f64) {
     let out = tempfile::tempdir().unwrap();

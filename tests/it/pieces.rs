@@ -581,3 +581,24 @@ fn a_hem_gets_the_length_asked_for() {
     assert!((ratio(&pulled, false) - 0.97).abs() < 2e-3, "{}", ratio(&pulled, false));
     assert!((ratio(&pulled, true) - 1.0).abs() < 2e-3, "{}", ratio(&pulled, true));
 }
+
+#[test]
+fn seams_keep_their_length_where_pieces_cannot_follow_a_factor() {
+    // A triangle between seams, whose apex stands 0.01 or 30 mm over the 50 mm long one below it: with two sides of hardly more
+    // than 25 mm the flat one has no room for a seam of 51 mm.
+    for (apex, factor) in [(0.01, None), (30.0, Some(1.02))] {
+        let points = [[0., 0.], [50., 0.], [50., 40.], [0., 40.], [0., -40.], [50., -40.], [25., apex]];
+        let points = points.map(|[x, y]| Vec3::new(x, y, 0.0)).to_vec();
+        let faces = [[0, 1, 6], [1, 2, 6], [2, 3, 6], [3, 0, 6], [0, 4, 5], [0, 5, 1]];
+        let input = developable(TriMesh::new(points, &faces).unwrap());
+        let edge = |a, b| input.mesh.edge(input.mesh.find_halfedge(VertexId(a), VertexId(b)).unwrap());
+        let mut seams = vec![edge(0, 1), edge(1, 6), edge(6, 0)];
+        seams.sort_unstable();
+        let asked = cut::Options { seams, scales: vec![(edge(0, 1), 1.02)], ..options(0.03) };
+        let cut = cut(&input, &asked, &Monitor::silent()).unwrap();
+        let kept: Vec<f64> = cut.rim.iter().map(|it| it.1).filter(|it| *it != 1.0).collect();
+        assert_eq!(kept, factor.map_or(vec![], |it| vec![it; 2]), "apex at {apex} mm");
+        let flat = flatten(&cut, &cutting::flat(), &Monitor::silent()).unwrap();
+        assert!(quality(&cut, &flat).flipped.is_empty());
+    }
+}

@@ -135,6 +135,18 @@ class Browser:
             self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
         self.settle()
 
+    def touch(self, *ways):
+        """Fingers that go down together, each along its places, and up again; all ways have as many places."""
+        def send(kind, places):
+            points = [{"x": x, "y": y, "id": k} for k, (x, y) in enumerate(places)]
+            self.call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+
+        send("touchStart", [it[0] for it in ways])
+        for places in list(zip(*ways))[1:]:
+            send("touchMove", places)
+        send("touchEnd", [])
+        self.settle()
+
     def key(self, name, code=0):
         for kind in ["keyDown", "keyUp"]:
             self.call("Input.dispatchKeyEvent", type=kind, key=name, windowsVirtualKeyCode=code)

@@ -2,7 +2,8 @@
 
 For every folder: the page loads without a word in the console and without a network request, is under 4 MB, the 3-D view
 shows something, a click on the model chooses the piece under it and lights up its partners and its part, the keyboard
-reaches everything, the replay runs, every step of the assembly shows, colours have contrast, nothing is wider than a phone.
+reaches everything, the replay runs, every step of the assembly shows, colours have contrast, nothing is wider than a phone,
+and on one fingers turn the model and bring it nearer.
 """
 
 import sys
@@ -133,6 +134,27 @@ def check_camera(browser):
     browser.run("document.getElementById('home').click()")
 
 
+def check_touch(browser):
+    """One finger turns the model, two bring it nearer."""
+    browser.run("document.getElementById('canvas').scrollIntoView({ block: 'center' })")
+    browser.settle()
+    x, y = browser.run(
+        """(() => {
+          const box = document.getElementById("canvas").getBoundingClientRect();
+          return [box.left + box.width / 2, box.top + box.height / 2];
+        })()"""
+    )
+    eye = lambda: browser.run("[...fabricate.viewer.camera.eye()]")
+    distance = lambda: browser.run("fabricate.viewer.camera.distance")
+    before, far = eye(), distance()
+    browser.touch([(x + 10 * k, y) for k in range(6)])
+    require(eye() != before, "a finger does not turn the model")
+    require(abs(distance() / far - 1) < 1e-6, "a finger changes the distance")
+    browser.touch([(x - 20 - 8 * k, y) for k in range(6)], [(x + 20 + 8 * k, y) for k in range(6)])
+    require(distance() < 0.9 * far, f"two fingers apart do not bring the model nearer: {distance()} after {far}")
+    browser.run("document.getElementById('home').click()")
+
+
 def check_replay(browser):
     if not browser.run("fabricate.views.some((it) => it.replay)"):
         return
@@ -233,6 +255,7 @@ def check(browser, folder):
     browser.settle()
     wide = browser.run("document.documentElement.scrollWidth")
     require(wide <= 390, f"the page is {wide} pixels wide on a phone of 390")
+    check_touch(browser)
     require(not browser.complaints, f"the console says {browser.complaints}")
     faces = browser.run("fabricate.meshes[0].faceCount")
     print(f"{path}: {size / 1e6:.2f} MB, {faces} faces, {browser.run('fabricate.seams.length')} seams: fine")

@@ -116,8 +116,29 @@ pub fn cut(input: &DevelopableMesh, options: &Options, monitor: &Monitor) -> Res
 pub fn cut_at_cost(input: &DevelopableMesh, options: &Options, monitor: &Monitor) -> Result<(CutMesh, Cost), CutError> {
     let mesh = &input.mesh;
     let is_terminal = |v| options.tolerance.is_some_and(|tolerance| input.energy[v] > tolerance);
-    let found = search::search(mesh, is_terminal, options, monitor)?;
-    Ok((open(mesh, &found.cut, options, found.terminals)?, found.cost))
+    let first = search::search(mesh, is_terminal, options, monitor);
+    let mut options = options.clone();
+    // A sliver beside a seam that is to be a little longer than its other sides together cannot be laid flat at all. Where such
+    // pieces are left their seams keep their length, and in a second attempt all do.
+    let mut found = match first {
+        Err(CutError::Flatten(_)) if !options.scales.is_empty() => {
+            options.scales.clear();
+            search::search(mesh, is_terminal, &options, monitor)?
+        }
+        first => first?,
+    };
+    for all in [false, true] {
+        if found.strained.is_empty() {
+            break;
+        }
+        let mut other = options.clone();
+        other.scales.retain(|it| !all && found.strained.binary_search(&it.0).is_err());
+        let again = search::search(mesh, is_terminal, &other, monitor)?;
+        if again.cost.0 < found.cost.0 {
+            (found, options) = (again, other);
+        }
+    }
+    Ok((open(mesh, &found.cut, &options, found.terminals)?, found.cost))
 }
 
 /// Both halfedges of edges, with the factor of the edge.

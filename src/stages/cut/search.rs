@@ -92,6 +92,8 @@ pub(super) struct Found {
     pub(super) terminals: usize,
     /// What it costs.
     pub(super) cost: Cost,
+    /// The edges of pieces that are not good that were to be longer or shorter in the plane than in space, ascending.
+    pub(super) strained: Vec<EdgeId>,
 }
 
 /// Finds the edges to cut: through all vertices for which `is_terminal` holds and all that cannot be in the interior of
@@ -159,7 +161,7 @@ pub(super) fn search(
     best.join(0)?;
     best.part_at_necks()?;
     best.enlarge()?;
-    Ok(Found { cost: best.cost(), cut: best.cut, terminals: terminals.len() })
+    Ok(Found { cost: best.cost(), strained: best.strained(), cut: best.cut, terminals: terminals.len() })
 }
 
 /// What a seam along each edge counts for.
@@ -242,6 +244,18 @@ impl Search<'_> {
     fn cost(&self) -> Cost {
         let pieces = || self.pieces.iter().flatten();
         (pieces().filter(|it| !it.is_good()).count(), self.length(&self.seams()) + self.price(pieces()))
+    }
+
+    /// The edges with a factor of length around pieces that are not good.
+    fn strained(&self) -> Vec<EdgeId> {
+        let bad = self.pieces.iter().flatten().filter(|it| !it.is_good());
+        let mut around: Vec<EdgeId> =
+            bad.flat_map(|it| it.chart.loops.iter().flatten()).map(|it| self.mesh.edge(it.0)).collect();
+        around.sort_unstable();
+        around.dedup();
+        let scaled = |e: &EdgeId| self.options.scales.iter().any(|it| it.0 == *e && it.1 != 1.0);
+        around.retain(scaled);
+        around
     }
 
     /// The inner edges that are cut.

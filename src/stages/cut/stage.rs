@@ -336,7 +336,7 @@ impl CutStage {
 
 impl Stage for CutStage {
     const NAME: &'static str = "cut";
-    const VERSION: u32 = 11;
+    const VERSION: u32 = 12;
     type Input = (DevelopableMesh, SourceMesh, Option<Guides>, Option<TriMesh>);
     type Output = CutMesh;
     type Profile = Stock;

@@ -59,12 +59,16 @@ pub(super) struct Bent {
     pub(super) inserted: BTreeMap<HalfedgeId, Vec<Vec2>>,
     /// Per fold, whether the flat pattern was corrected by it.
     pub(super) corrected: Vec<bool>,
+    /// Of pieces that were: by how much flanges moved towards one another at most, mm. So far they may overlap where they lay
+    /// side by side, at the corners that bends meet in.
+    pub(super) closer: BTreeMap<PieceId, f64>,
 }
 
 impl Bent {
     /// Nothing to take in.
     pub(super) fn untouched(flat: &Flattening, folds: &[Fold]) -> Self {
-        Self { flat: flat.clone(), inserted: BTreeMap::new(), corrected: vec![false; folds.len()] }
+        let corrected = vec![false; folds.len()];
+        Self { flat: flat.clone(), inserted: BTreeMap::new(), corrected, closer: BTreeMap::new() }
     }
 }
 
@@ -106,6 +110,7 @@ pub(super) fn correct(cut: &CutMesh, flat: &Flattening, folds: &[Fold], sheet: &
     for (piece, own) in of_piece {
         if let Some(flanges) = Flanges::of(cut, flat, piece, own.iter().map(|&k| &folds[k]), sheet) {
             flanges.apply(cut, flat, &mut bent);
+            bent.closer.insert(piece, flanges.closer());
             own.iter().for_each(|&k| bent.corrected[k] = true);
         }
     }
@@ -232,6 +237,13 @@ impl Flanges {
                 }
             }
         }
+    }
+
+    /// By how much two flanges moved against one another at most, mm.
+    fn closer(&self) -> f64 {
+        let pairs =
+            self.shift.iter().enumerate().flat_map(|(k, a)| self.shift[..k].iter().map(move |b| (a - b).norm()));
+        pairs.fold(0.0, f64::max)
     }
 
     /// How far a point of a flange moves: within a bent zone less and less of the difference to the next flange, so that the

@@ -14,9 +14,14 @@ use crate::{
     numeric::{Cancelled, Monitor},
 };
 
-/// Scales of the lettering and ticks of a part to try in turn until everything finds room on it, and how often at each: what
-/// found none chooses first the next time.
-const SCALES: [(f64, usize); 4] = [(1.0, 2), (0.75, 2), (0.6, 2), (0.45, 4)];
+/// Scales of the lettering and of the ticks of a part to try in turn until everything finds room on it, and how often at each:
+/// what found none chooses first the next time. On a sliver that has no room for both, ticks are left out: its corners show how
+/// it lies, and no tick says where it belongs.
+const SCALES: [(f64, f64, usize); 5] = [(1.0, 1.0, 2), (0.75, 0.75, 2), (0.6, 0.6, 2), (0.45, 0.45, 4), (0.45, 0.0, 4)];
+
+/// Squares that leaders may look at on all parts together, so that hundreds of short seams come to an end, and the share of a
+/// part's own that one try may use.
+const SQUARES: (usize, usize) = (10_000_000, 4);
 
 /// What the parts are made of.
 pub(super) struct Job<'a> {
@@ -105,9 +110,11 @@ impl Job<'_> {
     /// Large letters take the room of others: where one finds none even when it chooses first, all of the part are smaller.
     fn letter(&self, piece: PieceId, body: &Body, face: &Face, calls: &Calls) -> Lettering {
         let mut best: Option<Lettering> = None;
-        for (scale, rounds) in SCALES {
+        let share = SQUARES.0 / self.bodies.len();
+        let mut left = share;
+        for (scale, of_ticks, rounds) in SCALES {
             let style = Ticks {
-                longest: scale * self.options.tick,
+                longest: of_ticks * self.options.tick,
                 spacing: self.options.tick_spacing,
                 outward: matches!(self.options.join, Join::Allowance(_)),
             };
@@ -119,7 +126,10 @@ impl Job<'_> {
             sides.extend(others);
             let mut order = Order { sides, name_first: false };
             for _ in 0..rounds {
-                let found = self.inscribe(piece, body, &lines, &order, calls, scale);
+                let mut placer = Placer::new(&body.contours, &lines, left.min(share / SQUARES.1));
+                left -= placer.search.borrow().left;
+                let found = self.inscribe((piece, body), &mut placer, &lines, &order, calls, scale);
+                left += placer.search.borrow().left;
                 let lost = self.missing(&found);
                 let next = self.urgent_first(&order, &found);
                 if best.as_ref().is_none_or(|it| lost < self.missing(it)) {
@@ -148,14 +158,13 @@ impl Job<'_> {
     /// The lettering at `scale` of its preferred heights, beside `lines` that are there already.
     fn inscribe(
         &self,
-        piece: PieceId,
-        body: &Body,
+        (piece, body): (PieceId, &Body),
+        placer: &mut Placer<'_>,
         lines: &[Mark],
         order: &Order,
         calls: &Calls,
         scale: f64,
     ) -> Lettering {
-        let mut placer = Placer::new(&body.contours, lines);
         let mut out = Lettering { marks: lines.to_vec(), ..Lettering::default() };
         let least = self.options.least_height;
         let [label, title] =
@@ -165,7 +174,7 @@ impl Job<'_> {
             None => out.nameless = true,
         };
         if order.name_first {
-            name(&mut placer, &mut out);
+            name(placer, &mut out);
         }
         for &(i, side) in &order.sides {
             let (seam, number) = (&self.seams[i], self.seams[i].label.to_string());
@@ -185,7 +194,7 @@ impl Job<'_> {
             }
         }
         if !order.name_first {
-            name(&mut placer, &mut out);
+            name(placer, &mut out);
         }
         out
     }

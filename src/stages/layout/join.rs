@@ -94,7 +94,7 @@ pub(super) struct Body {
 /// Corners of the polygon that stands for a round hole.
 const CORNERS: usize = 24;
 /// Material that stays around a hole, as a share of its diameter.
-const WEB: f64 = 0.5;
+pub(super) const WEB: f64 = 0.5;
 /// Steps along the base of a tab in which its hinge is looked for, the least length of a hinge that is worth a fold, and its
 /// distance from the outline, mm.
 const HINGE_STEP: f64 = 0.1;
@@ -119,10 +119,20 @@ pub(super) fn join(
             joints.collisions = made.collisions(bodies);
             joints.narrowed = made.narrowed;
             joints.missing = made.missing;
+            let mut rivets: Vec<(PieceId, Vec2)> = Vec::new();
+            let mut held: BTreeMap<String, bool> = BTreeMap::new();
             for (piece, tabs) in made.tabs {
                 for tab in tabs {
                     monitor.check()?;
-                    joints.tabs += usize::from(add_tab(bodies, piece, &tab, options, merge));
+                    let added = add_tab(bodies, piece, &tab, options, merge);
+                    if let Some(seam) = &tab.seam {
+                        *held.entry(seam.clone()).or_default() |= added;
+                    }
+                    if added {
+                        joints.tabs += 1;
+                        let (under, motion) = tab.under;
+                        rivets.extend(tab.rivet.into_iter().flat_map(|it| [(piece, it), (under, motion.go(it))]));
+                    }
                 }
             }
             if matches!(options.hold, Hold::Finger(_)) {
@@ -130,9 +140,12 @@ pub(super) fn join(
                     body.marks = body.marks.drain(..).filter_map(|it| inside(it, &body.contours)).collect();
                 }
             }
-            for (piece, holes) in made.holes {
-                joints.holes += holes.len();
-                bodies.entry(piece).and_modify(|body| body.contours.extend(holes));
+            joints.missing.extend(held.into_iter().filter(|it| !it.1).map(|it| it.0));
+            joints.holes += rivets.len();
+            for (piece, center) in rivets {
+                if let (Hold::Rivet(diameter), Some(body)) = (options.hold, bodies.get_mut(&piece)) {
+                    body.contours.push(circle(center, diameter));
+                }
             }
         }
         Join::Allowance(width) => {
@@ -187,9 +200,15 @@ fn add_tab(bodies: &mut BTreeMap<PieceId, Body>, piece: PieceId, tab: &Tab, opti
         }
     }
     let Some(body) = bodies.get_mut(&piece) else { return false };
+    let bare = area(&body.contours);
     match trimmed(boolean::union(&body.contours, &rooted(&tab.outline)), merge) {
-        // A tab must not close the mouth of a slit or a bay.
-        Some(contours) if contours.len() == body.contours.len() => body.contours = contours,
+        // A tab must not close the mouth of a slit or a bay, and must hang on the piece: where its seam ends in a corner that was
+        // cut away between bends it does not.
+        Some(contours)
+            if contours.len() == body.contours.len() && area(&contours) > bare + 0.5 * signed_area(&tab.outline) =>
+        {
+            body.contours = contours;
+        }
         _ => {
             bodies.entry(under).and_modify(|it| it.contours = before.unwrap_or_default());
             return false;

@@ -1,7 +1,7 @@
 //! Numbers that find no room beside their seam: anywhere in the part, at the end of a line that leads to the seam.
 use std::{
     cmp::Reverse,
-    collections::{BTreeMap, BinaryHeap},
+    collections::{BTreeMap, BTreeSet, BinaryHeap},
 };
 
 use super::{
@@ -29,9 +29,6 @@ const STEP: f64 = 0.4;
 /// Squares looked at before the search is given up, for a number that must stand somewhere and for one that need not: areas of
 /// 1600 and 160 mm².
 const SQUARES: (usize, usize) = (10_000, 1000);
-/// Squares looked at for all numbers of a part together, so that a part with hundreds of short seams ends: thirty searches that
-/// find nothing.
-pub(super) const ALL_SQUARES: usize = 300_000;
 /// Larger letters may stand this many times as far away as smaller ones, and so many mm more.
 const FARTHER: (f64, f64) = (1.5, 3.0);
 /// Directions tried for the text at the end.
@@ -42,6 +39,15 @@ const AROUND: [((i32, i32), u32); 8] =
 
 type Square = (i32, i32);
 
+/// What the searches on a part have seen so far.
+#[derive(Debug)]
+pub(super) struct Search {
+    /// Squares that may still be looked at.
+    pub(super) left: usize,
+    /// Squares at which no text of a size, in steps of 0.01 mm, begins or ends: room does not come back.
+    full: BTreeSet<((u32, u32), Square)>,
+}
+
 /// Where a way comes from.
 #[derive(Clone, Copy)]
 enum Before {
@@ -49,26 +55,29 @@ enum Before {
     Square(Square),
 }
 
+impl Search {
+    /// On a part of which so many squares may be looked at.
+    pub(super) fn new(left: usize) -> Self {
+        Self { left, full: BTreeSet::new() }
+    }
+}
+
 impl Placer<'_> {
-    /// Puts the number of a seam at the place with room that is nearest to it on a way inside the part, and draws the way.
-    /// Larger heights come first.
-    pub(super) fn leader(
-        &mut self,
-        seam: &Measured,
-        side: usize,
-        text: &str,
-        heights: &[f64],
-        must: bool,
-    ) -> Option<Vec<Mark>> {
+    /// Where leaders to a seam may begin, mm inside the part.
+    pub(super) fn starts(&self, seam: &Measured, side: usize) -> Vec<Vec2> {
         let place = |share: f64| seam.at(side, share * seam.length(), seam.length() / 4.0);
-        let starts: Vec<Vec2> = STARTS
-            .iter()
-            .filter_map(|&share| place(share))
+        let places = STARTS.iter().filter_map(|&share| place(share));
+        places
             .flat_map(|(at, inward)| INSETS.map(|it| at + inward * it))
             .filter(|&p| contains(self.contours, p))
-            .collect();
+            .collect()
+    }
+
+    /// Puts a text at the place with room that is nearest to one of `starts` on a way inside the part, and draws the way.
+    /// Larger heights come first.
+    pub(super) fn leader(&mut self, starts: &[Vec2], text: &str, heights: &[f64], must: bool) -> Option<Vec<Mark>> {
         let found =
-            heights.iter().filter_map(|&height| Some((height, self.way(&starts, letter(text, height).size, must)?)));
+            heights.iter().filter_map(|&height| Some((height, self.way(starts, letter(text, height).size, must)?)));
         let length = |way: &[Vec2]| polyline_length(way, false);
         // Large letters are worth some way, but not any.
         let (height, (place, way)) = found.reduce(|large, small| {
@@ -87,8 +96,11 @@ impl Placer<'_> {
 
     /// The nearest room for a text of a size, and the way there (Dijkstra 1959 on squares, then pulled tight).
     fn way(&self, starts: &[Vec2], size: Vec2, must: bool) -> Option<(TextBox, Vec<Vec2>)> {
-        let origin = *starts.first()?;
+        let origin = self.outline.bounds().min;
         let middle = |(i, j): Square| origin + STEP * Vec2::new(f64::from(i), f64::from(j));
+        let hundredths = |it: f64| (100.0 * it).round() as u32;
+        let key = (hundredths(size.x), hundredths(size.y));
+        let mut search = self.search.borrow_mut();
         let mut reached: BTreeMap<Square, (u32, Before)> = BTreeMap::new();
         let mut queue = BinaryHeap::new();
         for &start in starts {
@@ -108,12 +120,15 @@ impl Placer<'_> {
                 continue;
             }
             looked_at += 1;
-            self.squares.set(self.squares.get().saturating_sub(1));
-            if looked_at > if must { SQUARES.0 } else { SQUARES.1 } || self.squares.get() == 0 {
+            if looked_at > if must { SQUARES.0 } else { SQUARES.1 } || search.left == 0 {
                 return None;
             }
+            search.left -= 1;
             let here = middle(square);
-            if self.rooms_beyond(here, size).next().is_some() {
+            let is_new = !search.full.contains(&(key, square));
+            if is_new && self.rooms_beyond(here, size).next().is_none() {
+                search.full.insert((key, square));
+            } else if is_new {
                 let mut way = vec![here];
                 let mut at = square;
                 while let Before::Square(before) = reached[&at].1 {
@@ -155,8 +170,9 @@ impl Placer<'_> {
 
     /// Whether a straight line keeps off the outline, the lettering and other leaders; folds and ticks it may cross.
     fn passes(&self, a: Vec2, b: Vec2) -> bool {
-        self.outline.visit(&Box2::of([&a, &b]).grown(RIM), &mut |s| segment_distance(a, b, s.a, s.b) >= RIM)
-            && !self.taken.iter().any(|it| it.grown(RIM).hits(a, b))
+        let bounds = Box2::of([&a, &b]).grown(RIM);
+        self.outline.visit(&bounds, &mut |s| segment_distance(a, b, s.a, s.b) >= RIM)
+            && !self.taken.any(&bounds, |it| it.grown(RIM).hits(a, b))
     }
 
     /// A way with as few corners as shortcuts leave.

@@ -10,8 +10,8 @@ use crate::{
     model::{Mark, Operation},
 };
 
-use super::{leader::ALL_SQUARES, seams::Measured};
-use std::cell::Cell;
+use super::{leader::Search, seams::Measured};
+use std::{cell::RefCell, collections::BTreeMap};
 
 /// Kept free around lettering, as a share of its height and at least this many mm.
 const CLEARANCE: (f64, f64) = (0.2, 0.3);
@@ -19,6 +19,8 @@ const CLEARANCE: (f64, f64) = (0.2, 0.3);
 const SPACING: f64 = 0.6;
 /// Each try is this much smaller than the last.
 const SHRINK: f64 = 0.8;
+/// Side of the squares that lettering is looked up by, mm.
+const CELL: f64 = 5.0;
 /// Places tried for a name at each size.
 const NAME_PLACES: usize = 60;
 
@@ -90,14 +92,42 @@ pub(super) struct Placer<'a> {
     /// Outline, folds and ticks.
     lines: SegmentTree,
     /// Lettering and leaders.
-    pub(super) taken: Vec<TextBox>,
-    /// Squares that leaders may still look at.
-    pub(super) squares: Cell<usize>,
+    pub(super) taken: Taken,
+    /// What leaders have looked at.
+    pub(super) search: RefCell<Search>,
+}
+
+/// Rectangles that are taken, found by where they are.
+#[derive(Debug, Default)]
+pub(super) struct Taken {
+    boxes: Vec<TextBox>,
+    /// Those that touch a square of [`CELL`].
+    cells: BTreeMap<(i32, i32), Vec<usize>>,
+}
+
+impl Taken {
+    fn cells(bounds: &Box2) -> impl Iterator<Item = (i32, i32)> + use<> {
+        let [low, high] = [bounds.min, bounds.max].map(|p| (p / CELL).map(|it| it.floor() as i32));
+        (low.x..=high.x).flat_map(move |i| (low.y..=high.y).map(move |j| (i, j)))
+    }
+
+    pub(super) fn push(&mut self, it: TextBox) {
+        for cell in Self::cells(&Box2::of(&it.corners())) {
+            self.cells.entry(cell).or_default().push(self.boxes.len());
+        }
+        self.boxes.push(it);
+    }
+
+    /// Whether any that may touch `bounds` has a property.
+    pub(super) fn any(&self, bounds: &Box2, is: impl Fn(&TextBox) -> bool) -> bool {
+        let near = Self::cells(bounds).filter_map(|it| self.cells.get(&it));
+        near.flatten().any(|&k| is(&self.boxes[k]))
+    }
 }
 
 impl<'a> Placer<'a> {
-    /// A part without lettering so far.
-    pub(super) fn new(contours: &'a [Vec<Vec2>], marks: &[Mark]) -> Self {
+    /// A part without lettering so far, and how many squares leaders may look at.
+    pub(super) fn new(contours: &'a [Vec<Vec2>], marks: &[Mark], squares: usize) -> Self {
         let outline = SegmentTree::of_contours(contours);
         let mut segments = outline.segments().to_vec();
         for (line, mark) in marks.iter().enumerate() {
@@ -114,8 +144,8 @@ impl<'a> Placer<'a> {
             contours,
             outline,
             lines: SegmentTree::of_segments(segments),
-            taken: Vec::new(),
-            squares: Cell::new(ALL_SQUARES),
+            taken: Taken::default(),
+            search: RefCell::new(Search::new(squares)),
         }
     }
 
@@ -125,7 +155,7 @@ impl<'a> Placer<'a> {
         let corners = room.corners();
         self.lines.visit(&Box2::of(&corners), &mut |s| !room.hits(s.a, s.b))
             && contains(self.contours, text.center)
-            && !self.taken.iter().any(|it| it.overlaps(&room))
+            && !self.taken.any(&Box2::of(&corners), |it| it.overlaps(&room))
     }
 
     pub(super) fn write(&mut self, text: &str, height: f64, place: TextBox) -> Vec<Mark> {
@@ -157,10 +187,11 @@ impl<'a> Placer<'a> {
         if beside.is_some() {
             return beside;
         }
-        self.leader(seam, side, text, &[height, least], must)
+        let starts = self.starts(seam, side);
+        self.leader(&starts, text, &[height, least], must)
     }
 
-    /// Puts a text beside a bend line, on either side.
+    /// Puts a text beside a bend line, on either side; else at the end of a leader to its middle.
     pub(super) fn bend_label(&mut self, line: &ArcLength, text: &str, height: f64, least: f64) -> Option<Vec<Mark>> {
         let at = |sign: f64| {
             move |s: f64, _: f64| {
@@ -170,7 +201,8 @@ impl<'a> Placer<'a> {
         };
         let size = |height: f64| [1.0, -1.0].map(|sign| (height, sign));
         let mut tries = sizes(height, least).into_iter().flat_map(size);
-        tries.find_map(|(height, sign)| self.beside(&at(sign), line.length(), text, vec![height]))
+        let beside = tries.find_map(|(height, sign)| self.beside(&at(sign), line.length(), text, vec![height]));
+        beside.or_else(|| self.leader(&[line.at(line.length() / 2.0).0], text, &[height, least], true))
     }
 
     /// Puts a text beside the middle of a line, else further along or further away, else across, else smaller. `at` gives
@@ -235,7 +267,7 @@ impl<'a> Placer<'a> {
                 if contains(self.contours, p)
                     && let Some((_, near)) = self.lines.nearest(p)
                 {
-                    let text = self.taken.iter().map(|it| (it.center - p).norm() - it.half.norm());
+                    let text = self.taken.boxes.iter().map(|it| (it.center - p).norm() - it.half.norm());
                     places.push((text.fold((near - p).norm(), f64::min), p));
                 }
             }

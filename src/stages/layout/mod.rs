@@ -114,7 +114,8 @@ pub fn layout(
         let raw: Vec<Vec<Vec2>> = loops.iter().map(|path| path.iter().flat_map(|&h| points(h)).collect()).collect();
         let keep: Vec<Vec<bool>> = loops.iter().map(|path| path.iter().flat_map(|&h| kept(h)).collect()).collect();
         let name = description.name.clone();
-        match outline::outline(&raw, &keep, options.merge, options.slit) {
+        let relief = bent.closer.get(&piece).copied().unwrap_or(0.0);
+        match outline::outline(&raw, &keep, options.merge, [options.slit, relief]) {
             Ok(found) => {
                 if found.opened {
                     let lost = area(&raw) - area(&found.contours);
@@ -122,7 +123,11 @@ pub fn layout(
                 }
                 let own = folds.iter().filter(|it| it.piece == piece);
                 let drawn = folds::creases(folded, piece, &found.contours);
-                let marks = own.filter_map(|it| folds::mark(cut, flat, it)).chain(drawn).collect();
+                let marks = own.filter_map(|it| folds::mark(cut, flat, it)).chain(drawn);
+                let marks = match relief > 0.0 {
+                    true => marks.filter_map(|it| join::inside(it, &found.contours)).collect(),
+                    false => marks.collect(),
+                };
                 bodies.insert(piece, Body { name, contours: found.contours, marks });
             }
             Err(reason) => parts.refused.push(format!("piece {name}: {reason}")),

@@ -44,8 +44,9 @@ pub(super) enum Refusal {
     FallsApart { width: f64, area: f64, place: Vec2 },
 }
 
-/// Outline and holes of a piece from its boundary loops. Points marked in `keep` stay where they are.
-pub(super) fn outline(raw: &[Vec<Vec2>], keep: &[Vec<bool>], merge: f64, slit: f64) -> Result<Outline, Refusal> {
+/// Outline and holes of a piece from its boundary loops. Points marked in `keep` stay where they are. Slits are opened to the
+/// first width; overlaps up to the second one are cut away.
+pub(super) fn outline(raw: &[Vec<Vec2>], keep: &[Vec<bool>], merge: f64, widths: [f64; 2]) -> Result<Outline, Refusal> {
     let mut contours: Vec<Vec<Vec2>> =
         raw.iter().zip(keep).map(|(points, keep)| clean(points, keep, merge)).filter(|it| it.len() > 2).collect();
     // The outline is the loop that bounds the most; a stable sort keeps the holes in mesh order.
@@ -58,7 +59,7 @@ pub(super) fn outline(raw: &[Vec<Vec2>], keep: &[Vec<bool>], merge: f64, slit: f
         // Only lines that meet can be mended by moving them apart.
         Err(fault) if !matches!(fault, OutlineError::Meets { .. }) => Err(fault.into()),
         _ => {
-            let contours = open(&contours, merge, slit)?;
+            let contours = open(&contours, merge, widths)?;
             check_outline(&contours)?;
             Ok(Outline { contours, opened: true })
         }
@@ -72,17 +73,23 @@ pub(super) fn clean(points: &[Vec2], keep: &[bool], merge: f64) -> Vec<Vec2> {
     simplify(&merged, true, STRAIGHT, &|i| keep[kept[i]]).into_iter().map(|i| merged[i]).collect()
 }
 
-/// Takes a strip of width `slit` off both sides wherever the outside between two edges is narrower than that.
-fn open(contours: &[Vec<Vec2>], merge: f64, slit: f64) -> Result<Region, Refusal> {
+/// Takes a strip of width `slit` off both sides wherever the outside between two edges is narrower than that, and what lies
+/// over itself on a width of at most `relief`.
+fn open(contours: &[Vec<Vec2>], merge: f64, [slit, relief]: [f64; 2]) -> Result<Region, Refusal> {
     let near = near_edges(contours, slit);
-    let strips: Vec<Vec<Vec2>> = boolean::thicken(&near, slit / 2.0).into_iter().flatten().collect();
+    let mut strips: Vec<Vec<Vec2>> = boolean::thicken(&near, slit / 2.0).into_iter().flatten().collect();
     // Where the winding number is not 1, after the strips are gone, the piece truly lies over itself.
     let simple: Vec<Vec<Vec2>> = boolean::union(contours, &[]).into_iter().flatten().collect();
     let mut excess = contours.to_vec();
     excess.extend(simple.iter().map(|it| it.iter().rev().copied().collect()));
     let doubled: Vec<Vec<Vec2>> = boolean::union(&excess, &[]).into_iter().flatten().collect();
-    if let Some(worst) = largest(&boolean::difference(&doubled, &strips)).filter(|it| area(it) > CRUMB) {
-        return Err(Refusal::Overlap { area: area(worst), place: worst[0][0] });
+    let deep = boolean::difference(&doubled, &strips);
+    if let Some(worst) = largest(&deep).filter(|it| area(it) > CRUMB) {
+        // What is nowhere wider than the relief has no point farther inside than half of it.
+        if relief == 0.0 || !boolean::offset(&doubled, -0.5 * relief - merge).is_empty() {
+            return Err(Refusal::Overlap { area: area(worst), place: worst[0][0] });
+        }
+        strips.extend(boolean::offset(&doubled, slit / 2.0).into_iter().flatten());
     }
     let mut regions = boolean::difference(&simple, &strips);
     regions.sort_by(|a, b| area(b).total_cmp(&area(a)));
@@ -101,7 +108,15 @@ fn largest(regions: &[Region]) -> Option<&Region> {
 /// The stretches of edges that lie nearer than `limit` to another edge with outside (or overlap) in between. Neighbours
 /// count when they turn back on each other into the material.
 pub(super) fn near_edges(contours: &[Vec<Vec2>], limit: f64) -> Vec<Vec<Vec2>> {
-    near_pairs(contours, limit).into_iter().map(|(s, _, ends)| ends.map(|u| s.a + (s.b - s.a) * u).to_vec()).collect()
+    let mut stretches: Vec<(Segment, [f64; 2])> = Vec::new();
+    for (s, _, [from, to]) in near_pairs(contours, limit) {
+        match stretches.last_mut().filter(|it| it.0 == s && from <= it.1[1]) {
+            // An edge in a thicket of slits is near to very many others.
+            Some(last) => last.1[1] = last.1[1].max(to),
+            None => stretches.push((s, [from, to])),
+        }
+    }
+    stretches.into_iter().map(|(s, ends)| ends.map(|u| s.a + (s.b - s.a) * u).to_vec()).collect()
 }
 
 /// Pairs of such edges, each twice, and the stretch of the first as parameters in [0, 1].
@@ -220,7 +235,7 @@ mod tests {
         let raw: Vec<Vec<Vec2>> =
             contours.iter().map(|it| it.iter().map(|&[x, y]| Vec2::new(x, y)).collect()).collect();
         let keep: Vec<Vec<bool>> = raw.iter().map(|it| vec![false; it.len()]).collect();
-        outline(&raw, &keep, 0.02, 0.1)
+        outline(&raw, &keep, 0.02, [0.1, 0.0])
     }
 
     /// A square of side 60 with a slit from the middle of its top to its centre whose sides are `gap` apart at the mouth.

@@ -85,7 +85,7 @@ pub struct Craft {
 
 impl Stage for LayoutStage {
     const NAME: &'static str = "layout";
-    const VERSION: u32 = 11;
+    const VERSION: u32 = 12;
     type Input = (CutMesh, Flattening, Option<Strips>, Option<Stripes>, Option<Folded>);
     type Output = Parts;
     type Profile = Craft;
@@ -213,7 +213,10 @@ impl Stage for LayoutStage {
                 match (parts.unlabelled.len(), parts.on_partner.len()) {
                     (0, 0) => String::new(),
                     (0, _) => format!("no room for {}", parts.on_partner.join(", ")),
-                    _ => format!("no room for: {}; set a smaller layout.least_text", parts.unlabelled.join(", ")),
+                    _ => format!(
+                        "no room for: {}; set a smaller layout.least_text, or make the model larger",
+                        parts.unlabelled.join(", ")
+                    ),
                 },
             ))
     }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::{
-    join::{Body, Hold, Sides, Tabs, circle, room_for_hole},
+    join::{Body, Hold, Sides, Tabs, WEB, room_for_hole},
     seams::Measured,
 };
 use crate::{
@@ -40,6 +40,8 @@ const TOUCH: f64 = 0.01;
 /// A tab in the frame of the piece that carries it.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Tab {
+    /// Its seam, in words, unless that is a slit, which may stay open.
+    pub(super) seam: Option<String>,
     /// Counter-clockwise.
     pub(super) outline: Vec<Vec2>,
     /// Where it begins: points of the seam.
@@ -50,6 +52,8 @@ pub(super) struct Tab {
     pub(super) under: (PieceId, Motion),
     /// Of a finger: what is taken out of that piece, in its frame; else empty.
     pub(super) notch: Vec<Vec2>,
+    /// Centre of the hole for its rivet.
+    pub(super) rivet: Option<Vec2>,
 }
 
 /// Turns by the angle whose cosine and sine are the parts of `turn`, about `from`, and moves to `to`.
@@ -67,7 +71,7 @@ impl Motion {
         Some(Self { from: from[0], turn: Vec2::new(a.dot(&b), cross2(a, b)), to: to[0] })
     }
 
-    fn go(&self, p: Vec2) -> Vec2 {
+    pub(super) fn go(&self, p: Vec2) -> Vec2 {
         let d = p - self.from;
         self.to + Vec2::new(self.turn.x * d.x - self.turn.y * d.y, self.turn.y * d.x + self.turn.x * d.y)
     }
@@ -85,14 +89,14 @@ impl Motion {
 #[derive(Default)]
 pub(super) struct Made {
     pub(super) tabs: BTreeMap<PieceId, Vec<Tab>>,
-    /// Holes for rivets, as contours.
-    pub(super) holes: BTreeMap<PieceId, Vec<Vec<Vec2>>>,
     /// Tabs lower than asked because their stretch of the seam is short.
     pub(super) narrowed: usize,
     /// Seams that are no slits and have no tab on either side.
     pub(super) missing: Vec<String>,
     /// What already lies under each piece, in its frame.
     glued: BTreeMap<PieceId, Vec<Vec<Vec2>>>,
+    /// Centres of the holes for rivets.
+    rivets: BTreeMap<PieceId, Vec<Vec2>>,
 }
 
 /// Plans the tabs of all seams, the longest seam first.
@@ -126,10 +130,14 @@ pub(super) fn make(
             }
         }
         if !any && !seam.is_slit() {
-            made.missing.push(format!("seam {} ({:.1} mm)", seam.label, seam.length()));
+            made.missing.push(named(seam));
         }
     }
     Ok(made)
+}
+
+fn named(seam: &Measured) -> String {
+    format!("seam {} ({:.1} mm)", seam.label, seam.length())
 }
 
 /// The contours of all regions.
@@ -211,7 +219,8 @@ impl Made {
         if signed_area(&notch) < 0.0 {
             notch.reverse();
         }
-        let tab = Tab { outline, base, outward, under, notch };
+        let tab =
+            Tab { seam: (!seam.is_slit()).then(|| named(seam)), outline, base, outward, under, notch, rivet: None };
         // Both sides of a seam may bow differently in the plane, which is no harm.
         let bow = |points: &[Vec2], a: Vec2, b: Vec2| {
             points.iter().map(|&p| point_segment_distance(p, a, b)).fold(0.0, f64::max)
@@ -267,23 +276,25 @@ impl Made {
         Some(there.iter().map(|it| back.all(it)).collect())
     }
 
-    /// Keeps a tab, with the holes for its rivet where both pieces have room for them.
-    fn take(&mut self, bodies: &BTreeMap<PieceId, Body>, piece: PieceId, tab: Tab, options: &Tabs) {
+    /// Keeps a tab, with a rivet where both pieces have room for its hole.
+    fn take(&mut self, bodies: &BTreeMap<PieceId, Body>, piece: PieceId, mut tab: Tab, options: &Tabs) {
         let (under, motion) = tab.under;
         if let (Hold::Rivet(diameter), Some(body)) = (options.hold, bodies.get(&under)) {
             let height = tab.outline.iter().map(|p| (p - tab.base[0]).dot(&tab.outward)).fold(0.0, f64::max);
             let middle = (tab.base[0] + tab.base[tab.base.len() - 1]) / 2.0 + tab.outward * (height / 2.0);
             let there = motion.go(middle);
-            let apart = |holes: Option<&Vec<Vec<Vec2>>>, p: Vec2| {
-                holes.is_none_or(|it| it.iter().flatten().all(|q| (p - q).norm() >= diameter))
+            let apart = |piece: PieceId, p: Vec2| {
+                let others = self.rivets.get(&piece).into_iter().flatten();
+                others.into_iter().all(|q| (p - q).norm() >= (1.0 + WEB) * diameter)
             };
             if room_for_hole(std::slice::from_ref(&tab.outline), middle, diameter)
                 && room_for_hole(&body.contours, there, diameter)
-                && apart(self.holes.get(&piece), middle)
-                && apart(self.holes.get(&under), there)
+                && apart(piece, middle)
+                && apart(under, there)
             {
-                self.holes.entry(piece).or_default().push(circle(middle, diameter));
-                self.holes.entry(under).or_default().push(circle(there, diameter));
+                self.rivets.entry(piece).or_default().push(middle);
+                self.rivets.entry(under).or_default().push(there);
+                tab.rivet = Some(middle);
             }
         }
         self.glued.entry(under).or_default().push(motion.all(&tab.outline));

@@ -145,8 +145,17 @@ pub fn gores(mesh: &TriMesh, options: &Options, monitor: &Monitor) -> Result<Gor
     loop {
         monitor.check().map_err(SphereError::from)?;
         let (sliced, images, seams) = slice(mesh, &points, &lines, options)?;
-        let scales = if options.share { share(&sliced, &seams, options.stretch)? } else { vec![1.0; seams.len()] };
-        let stretch = measure((&sliced, &images), (&seams, &scales), &lines, options)?;
+        let measured = |scales: &[f64]| measure((&sliced, &images), (&seams, scales), &lines, options);
+        let shared = if options.share { Some(share(&sliced, &seams, options.stretch)?) } else { None };
+        let (scales, stretch) = match shared.map(|it| (measured(&it), it)) {
+            Some((Ok(stretch), scales)) => (scales, stretch),
+            // Slivers may have no room for what the seams beside them want.
+            _ => {
+                let scales = vec![1.0; seams.len()];
+                let stretch = measured(&scales)?;
+                (scales, stretch)
+            }
+        };
         let halved = halve(&lines, &stretch, options);
         if halved.len() > lines.len() && halved.len() <= options.most {
             lines = halved;
