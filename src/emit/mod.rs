@@ -9,6 +9,8 @@ mod gcode;
 pub mod globe;
 mod hpgl;
 pub mod mill;
+pub mod mold;
+pub mod net;
 pub mod obj;
 mod pdf;
 pub mod stl;
@@ -22,7 +24,7 @@ pub use drawing::{CHECK_LAYER, Drawing};
 pub use gcode::Number;
 
 use crate::{
-    model::{Parts, SheetPaths, Sheets, Toolpaths},
+    model::{Part, Parts, SheetPaths, Sheets, Toolpaths},
     profile::{Machine, Profiles},
 };
 
@@ -157,6 +159,14 @@ pub fn files(nouns: &Nouns<'_>, profiles: &Profiles, formats: &[String]) -> Resu
     Ok(files)
 }
 
+/// A part by itself as DXF.
+pub fn part_dxf(part: &Part, machine: &Machine) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let drawing = Drawing::of_part(part, &machine.order);
+    dxf::write(&drawing, machine, &mut bytes).expect("writing to memory cannot fail");
+    bytes
+}
+
 fn sheet_path(index: usize) -> String {
     format!("sheets/sheet-{:02}", index + 1)
 }
@@ -170,7 +180,7 @@ fn part_paths(parts: &Parts, profiles: &Profiles) -> Vec<String> {
     let material = plain(&profiles.material.name);
     let thickness = drawing::short(profiles.material.thickness.mm);
     let mut taken = BTreeSet::new();
-    let name = |part: &crate::model::Part| {
+    let name = |part: &Part| {
         let name = plain(&part.name);
         let names = std::iter::once(name.clone()).chain((2_usize..).map(|n| format!("{name}-{n}")));
         // Parts of one name do not exist; parts whose names differ only by what a file name cannot hold do.

@@ -1,6 +1,8 @@
 //! Polylines by arc length, and removal of points that carry no shape.
 use std::cmp::Ordering;
 
+use nalgebra::SVector;
+
 use super::{Vec2, polygon::point_segment_distance};
 
 /// A polyline measured along itself.
@@ -52,6 +54,19 @@ impl ArcLength {
         let between = self.along.iter().zip(&self.points).filter(|(s, _)| from < **s && **s < to).map(|it| *it.1);
         std::iter::once(self.at(from).0).chain(between).chain([self.at(to).0]).collect()
     }
+}
+
+/// A line with a point between every two neighbours, on the cubic through four points (on the parabola through three at its ends):
+/// the four-point scheme of Dyn, Levin and Gregory (1987). Point k becomes point 2 k.
+pub fn subdivided<const D: usize>(line: &[SVector<f64, D>]) -> Vec<SVector<f64, D>> {
+    let n = line.len();
+    let middle = |k: usize| match (k.checked_sub(1), k + 2 < n) {
+        (Some(before), true) => ((line[k] + line[k + 1]) * 9.0 - line[before] - line[k + 2]) / 16.0,
+        (None, true) => (line[0] * 3.0 + line[1] * 6.0 - line[2]) / 8.0,
+        (Some(before), false) => (line[n - 1] * 3.0 + line[n - 2] * 6.0 - line[before]) / 8.0,
+        (None, false) => (line[k] + line[k + 1]) / 2.0,
+    };
+    (0..2 * n - 1).map(|k| if k % 2 == 0 { line[k / 2] } else { middle(k / 2) }).collect()
 }
 
 /// Indices that remain when neighbours are at least `distance` apart: of two that are nearer, the one goes that lies nearer

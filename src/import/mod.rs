@@ -1,4 +1,4 @@
-//! Readers: meshes, drawings (SVG, DXF, FOLD, PDF, HPGL) and machine programs (G-code), our own and other people's.
+//! Readers: meshes, drawings (SVG, DXF, FOLD, PDF, HPGL), tables of points and machine programs (G-code), our own and other people's.
 
 mod creases;
 mod drawing;
@@ -8,6 +8,7 @@ pub mod gcode;
 mod hpgl;
 pub mod mesh;
 mod pdf;
+mod points;
 mod svg;
 
 pub use creases::{Assignment, Borders, CreaseFacts, CreaseRoles, PatternError, ReadPattern, pattern};
@@ -17,4 +18,5 @@ pub use fold::read_fold;
 pub use gcode::read_gcode;
 pub use hpgl::read_hpgl;
 pub use pdf::read_pdf;
+pub use points::{NoPoint, read_points};
 pub use svg::read_svg;

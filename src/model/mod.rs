@@ -3,6 +3,8 @@
 mod folded;
 mod globe;
 mod mill;
+mod mold;
+mod net;
 mod nouns;
 mod pattern;
 mod planar;
@@ -13,6 +15,8 @@ mod strips;
 pub use folded::{Fold, FoldFigures, FoldFrame, FoldSample, Folded, FoldedCrease, Held, Run};
 pub use globe::Globe;
 pub use mill::{MillMove, Milling, Setup};
+pub use mold::{MoldPanel, MoldProgram, MoldSegment, Molds};
+pub use net::{Frame, GeodesicNet, Lath, LathCrossing, NetFit};
 pub(crate) use nouns::with_nouns;
 pub use nouns::{Artifact, Kind, Noun};
 pub use pattern::{BORDER, Crease, CreasePattern, MOUNTAIN, UNASSIGNED, VALLEY};

@@ -1,7 +1,7 @@
 //! The sum of all nouns, so that a plan can be checked and a store can hold them.
 use super::{
-    CreasePattern, CutMesh, DevelopableMesh, Flattening, Folded, Globe, Guides, Milling, Parts, Sheets, SourceMesh,
-    Stripes, Strips, Toolpaths,
+    CreasePattern, CutMesh, DevelopableMesh, Flattening, Folded, Globe, Guides, Milling, Molds, NetFit, Parts, Sheets,
+    SourceMesh, Stripes, Strips, Toolpaths,
 };
 use crate::mesh::TriMesh;
 
@@ -52,7 +52,7 @@ macro_rules! with_nouns {
     ($run:ident) => {
         $run! {
             SourceMesh, Guides, TriMesh, DevelopableMesh, CutMesh, Flattening, Strips, Parts, Sheets, Toolpaths, Milling, Stripes,
-            Globe, CreasePattern, Folded
+            Globe, CreasePattern, Folded, NetFit, Molds
         }
     };
 }

@@ -1,4 +1,5 @@
 //! Nouns in space: the input, the developable mesh, the cut mesh and its flattening.
+use super::GeodesicNet;
 use crate::{
     geom::{Vec2, Vec3},
     mesh::{FaceId, Field, HalfedgeId, Id, TriMesh, VertexId},
@@ -33,6 +34,10 @@ pub struct Guides {
     pub texture: Vec<Vec<Vec2>>,
     /// Places of the path across which rings are sliced, from its top to its bottom, mm; empty for a meridian.
     pub path: Vec<Vec3>,
+    /// Profile of a surface of revolution around z, as radii and heights, mm.
+    pub profile: Vec<Vec2>,
+    /// The net of an earlier run, to go on from.
+    pub net: Option<GeodesicNet>,
 }
 
 /// A painted part of the input.

@@ -9,10 +9,11 @@ use crate::{
     },
     model::{
         Artifact, Bend, Corner, Crease, CreasePattern, CutMesh, DevelopableMesh, Flattening, FoldFigures, FoldFrame,
-        FoldSample, Folded, FoldedCrease, Globe, Guides, Held, Joints, Kind, Mark, MillMove, Milling, Noun, Opening,
-        Operation, Overlap, Panel, PanelKind, Part, Parts, Patch, Piece, PieceId, Placement, Round, Ruled, Ruling,
-        Seam, Setup, Sheet, SheetPaths, Sheets, SourceMesh, StripeEnd, StripeLine, Stripes, Strips, Toolpath,
-        Toolpaths, Tradeoff, Web, with_nouns,
+        FoldSample, Folded, FoldedCrease, GeodesicNet, Globe, Guides, Held, Joints, Kind, Lath, LathCrossing, Mark,
+        MillMove, Milling, MoldPanel, MoldProgram, MoldSegment, Molds, NetFit, Noun, Opening, Operation, Overlap,
+        Panel, PanelKind, Part, Parts, Patch, Piece, PieceId, Placement, Round, Ruled, Ruling, Seam, Setup, Sheet,
+        SheetPaths, Sheets, SourceMesh, StripeEnd, StripeLine, Stripes, Strips, Toolpath, Toolpaths, Tradeoff, Web,
+        with_nouns,
     },
 };
 
@@ -247,7 +248,17 @@ plain_enums! {
 
 records! {
     SourceMesh { mesh, file, repairs, up }
-    Guides { seams, patches, edges, scales, texture, path }
+    Guides { seams, patches, edges, scales, texture, path, profile, net }
+    GeodesicNet { rows, columns, points }
+    MoldSegment { name, mesh, rows, size, volume, dowels }
+    MoldPanel { rows, columns, mold }
+    MoldProgram { segment, moves, radius, speeds, passes, gouge, scallop }
+    Molds {
+        profile, step, lambda, largest_lambda, deviation, congruence, segments, programs, panels, curvature, drawings, undoweled,
+    }
+    LathCrossing { other, at, gap }
+    Lath { name, length, crossings, bar }
+    NetFit { net, residual, iterations, seconds, missed, reference, strain, second, laths, drawings }
     Globe {
         points, faces, images, method, energy, dilatation, centroid, held, seconds, rings, lines, stretch, seam_length, seam_scale,
     }

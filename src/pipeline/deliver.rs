@@ -14,8 +14,8 @@ use crate::{
     emit::{self, File, Nouns},
     mesh::{Field, TriMesh},
     model::{
-        CutMesh, DevelopableMesh, Flattening, FoldFrame, Folded, Globe, Milling, Operation, Parts, Sheets, SourceMesh,
-        Stripes, Strips, Toolpaths,
+        CutMesh, DevelopableMesh, Flattening, FoldFrame, Folded, GeodesicNet, Globe, Lath, Milling, Molds, NetFit,
+        Operation, Part, Parts, Sheets, SourceMesh, Stripes, Strips, Toolpaths,
     },
     numeric::{Cancelled, Monitor},
     profile::Machine,
@@ -60,7 +60,7 @@ pub(super) fn deliver(
     let steps = cut.map(assembly::steps).unwrap_or_default();
     let jobs: Vec<Job<'_>> = models(store)
         .into_iter()
-        .chain([strips(store), stripes(store), folded(store)].into_iter().flatten())
+        .chain([strips(store), stripes(store), folded(store), nets(store, plan)].into_iter().flatten())
         .chain(globe(store))
         .chain(pictures(subjects(store, &line)))
         .chain(cut.map(|it| instructions(store, it, &steps, instruction)))
@@ -265,6 +265,7 @@ fn subjects<'a>(store: &'a Store, line: &'a (dyn Fn(Operation) -> [u8; 3] + Sync
         cut: store.get(),
         strips: store.get(),
         stripes: store.get(),
+        net: store.get(),
         sheets: store.get(),
         milling: store.get(),
         folded: store.get(),
@@ -283,6 +284,61 @@ fn globe(store: &Store) -> Option<Job<'_>> {
         Ok(bytes)
     };
     Some((GLOBE.into(), "obj", Box::new(obj)))
+}
+
+/// The net of geodesics, before and after it was bent, and what is made of it.
+fn nets<'a>(store: &'a Store, plan: &'a Plan) -> Vec<Job<'a>> {
+    let machine = &plan.profiles.machine;
+    let Some(fit) = store.get::<NetFit>() else { return vec![] };
+    let bent = fit.reference.as_ref().map(|_| ("model/bent.obj", &fit.net));
+    let job = |(path, net): (&str, &GeodesicNet)| -> Job<'a> {
+        let net = net.clone();
+        let obj = move || {
+            let mut bytes = Vec::new();
+            emit::net::obj(&net, &mut bytes).expect("writing to memory cannot fail");
+            Ok(bytes)
+        };
+        (path.into(), "obj", Box::new(obj))
+    };
+    let whole = [("model/net.obj", fit.reference.as_ref().unwrap_or(&fit.net))];
+    let second = fit.second.as_ref().map(|it| ("model/second.obj", it));
+    whole
+        .into_iter()
+        .chain(bent)
+        .chain(second)
+        .map(job)
+        .chain(laths(store, machine))
+        .chain(molds(store, machine))
+        .collect()
+}
+
+/// One part as a DXF of its own in a folder.
+fn drawing<'a>(folder: &str, part: &'a Part, machine: &'a Machine) -> Job<'a> {
+    (format!("{folder}/{}.dxf", part.name), "dxf", Box::new(move || Ok(emit::part_dxf(part, machine))))
+}
+
+/// Laths of a gridshell: lists and drawings.
+fn laths<'a>(store: &'a Store, machine: &'a Machine) -> Vec<Job<'a>> {
+    let Some(fit) = store.get::<NetFit>().filter(|it| !it.laths.is_empty()) else { return vec![] };
+    let list = |path: &str, text: fn(&[Lath]) -> Vec<u8>| -> Job<'a> {
+        (path.into(), "csv", Box::new(move || Ok(text(&fit.laths))))
+    };
+    let lists = [list("laths/cut-list.csv", emit::net::cut_list), list("laths/crossings.csv", emit::net::crossings)];
+    lists.into_iter().chain(fit.drawings.iter().map(|it| drawing("laths", it, machine))).collect()
+}
+
+/// Moulds, their drawings and the schedule of panels.
+fn molds<'a>(store: &'a Store, machine: &'a Machine) -> Vec<Job<'a>> {
+    let Some(molds) = store.get::<Molds>() else { return vec![] };
+    let ready = |format: &'static str| {
+        move |(path, bytes): (String, Vec<u8>)| -> Job<'a> { (path, format, Box::new(move || Ok(bytes.clone()))) }
+    };
+    let drawings = molds.drawings.iter().map(|it| drawing("mold", it, machine));
+    let panels = store.get::<CutMesh>().zip(store.get::<NetFit>()).map(|(cut, fit)| -> Job<'a> {
+        ("mold/panels.csv".into(), "csv", Box::new(move || Ok(emit::mold::schedule(molds, cut, fit.net.columns))))
+    });
+    let programs = emit::mold::programs(molds).into_iter().map(ready("gcode"));
+    emit::mold::solids(molds).into_iter().map(ready("stl")).chain(programs).chain(drawings).chain(panels).collect()
 }
 
 /// The previews.

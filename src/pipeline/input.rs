@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::{
+    beginning::{self, Beginning},
     codec,
     config::{Config, ConfigError},
     guides,
@@ -16,8 +17,11 @@ use super::{
 use crate::{
     geom::Vec2,
     import::mesh::{self as reader, ImportError},
-    mesh::repair::{Components, MeshFacts, MeshRefusal, RepairOptions, repair},
-    model::{Artifact, Noun, SourceMesh},
+    mesh::{
+        TriMesh,
+        repair::{Components, MeshFacts, MeshRefusal, RepairOptions, repair},
+    },
+    model::{Artifact, Guides, Noun, SourceMesh},
     profile::Length,
     stage::Key,
 };
@@ -131,6 +135,14 @@ pub enum InputError {
         /// Why.
         reason: String,
     },
+    /// The profile or the net that a net begins with.
+    #[error("cannot begin a net with {path}: {reason}")]
+    Profile {
+        /// The file.
+        path: String,
+        /// Why.
+        reason: String,
+    },
     /// The surface cannot be worked with.
     #[error("the mesh {path} is refused")]
     Refused {
@@ -157,26 +169,43 @@ pub struct Source {
 }
 
 impl Source {
-    /// Reads, repairs and scales the mesh that `[input]` names.
+    /// Reads, repairs and scales the mesh that `[input]` names; without one, what `[net]` begins with.
     pub fn load(config: &Config<'_>) -> Result<Self, InputError> {
-        let table = &config.input;
-        if let Some(pattern) = &table.pattern {
-            if table.mesh.is_some() {
+        if let Some(pattern) = &config.input.pattern {
+            if config.input.mesh.is_some() {
                 let span = config.input_spans.get("mesh").cloned();
-                return Err(config
-                    .source
-                    .error("`input.mesh` and `input.pattern` are both given; keep one", span)
-                    .into());
+                let message = "`input.mesh` and `input.pattern` are both given; keep one";
+                return Err(config.source.error(message, span).into());
             }
             return pattern::load(config, pattern);
         }
         let sizing = Sizing::of(config)?;
-        let given = table.mesh.as_deref().ok_or_else(|| {
-            config.source.error(
-                "the config names no mesh; add [input] with mesh = \"FILE\", or pattern = \"FILE\" for recipe fold",
-                None,
-            )
-        })?;
+        let begin = beginning::load(config)?;
+        match (config.input.mesh.as_deref(), begin) {
+            (Some(given), begin) => Self::of_mesh(config, given, begin, &sizing),
+            (None, Some(begin)) => {
+                let mesh = begin.mesh()?;
+                Self::assemble(mesh, begin.name.clone(), vec![], Up::Z, &sizing, |scale| {
+                    let mut guides = Guides::default();
+                    begin.guide(scale, &mut guides);
+                    Ok(Some(guides))
+                })
+            }
+            (None, None) => {
+                let message =
+                    "the config names no mesh; add [input] with mesh = \"FILE\", or pattern = \"FILE\" for recipe fold";
+                Err(config.source.error(message, None).into())
+            }
+        }
+    }
+
+    fn of_mesh(
+        config: &Config<'_>,
+        given: &Path,
+        begin: Option<Beginning>,
+        sizing: &Sizing,
+    ) -> Result<Self, InputError> {
+        let table = &config.input;
         let path = config.source.folder().join(given);
         let soup = reader::read(&path)?;
         let options = RepairOptions {
@@ -187,16 +216,34 @@ impl Source {
             },
             fill_holes: table.fill_holes,
         };
-        let (mut mesh, repairs) = repair(&soup, &options)
+        let (mesh, repairs) = repair(&soup, &options)
             .map_err(|source| InputError::Refused { path: path.display().to_string(), source })?;
-        let mut warnings = Vec::new();
         let up = table.up.unwrap_or_else(|| usual_up(given));
+        let file = given.file_name().unwrap_or(given.as_os_str()).to_string_lossy().into_owned();
+        let repairs = repairs.iter().map(ToString::to_string).collect();
+        Self::assemble(mesh, file, repairs, up, sizing, |scale| {
+            let guides = guides::load(config, &path, &soup, scale)?;
+            let Some(begin) = begin else { return Ok(guides) };
+            let mut guides = guides.unwrap_or_default();
+            begin.guide(scale, &mut guides);
+            Ok(Some(guides))
+        })
+    }
+
+    /// Brings a mesh to its size, and its guides, which are made for the scale.
+    fn assemble(
+        mut mesh: TriMesh,
+        file: String,
+        repairs: Vec<String>,
+        up: Up,
+        sizing: &Sizing,
+        guides: impl FnOnce(f64) -> Result<Option<Guides>, InputError>,
+    ) -> Result<Self, InputError> {
+        let mut warnings = Vec::new();
         let scale = sizing.scale(&mesh.bounds().size(), up, &mut warnings);
         mesh.positions_mut().as_mut_slice().iter_mut().for_each(|p| *p *= scale);
-        let guides = guides::load(config, &path, &soup, scale)?.map(|it| keyed(it.wrap()));
-        let file = given.file_name().unwrap_or(given.as_os_str()).to_string_lossy().into_owned();
-        let up = if up == Up::Z { 2 } else { 1 };
-        let mesh = SourceMesh { mesh, file, repairs: repairs.iter().map(ToString::to_string).collect(), up };
+        let guides = guides(scale)?.map(|it| keyed(it.wrap()));
+        let mesh = SourceMesh { mesh, file, repairs, up: if up == Up::Z { 2 } else { 1 } };
         let facts = facts(&mesh);
         let (artifact, key) = keyed(mesh.wrap());
         Ok(Self { artifact, key, beside: guides, facts, warnings })

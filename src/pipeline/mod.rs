@@ -1,5 +1,6 @@
 //! From a config to a plan, from a plan to artifacts and files: recipes, config, cache, run.
 
+mod beginning;
 mod cache;
 mod codec;
 mod config;

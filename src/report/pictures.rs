@@ -1,12 +1,12 @@
-//! Previews: the input, coarse, developed and cut mesh, the folded sheet and the steps on its way, its strips, the stripes on it from two sides, the developed mesh after each round, and every sheet, as PNG; what
+//! Previews: the input, coarse, developed and cut mesh, the folded sheet and the steps on its way, its strips, the stripes on it from two sides, nets, the developed mesh after each round, and every sheet, as PNG; what
 //! closeness costs, as SVG.
 use super::chart;
 use crate::{
     geom::{Vec2, Vec3},
     mesh::{FaceId, Field, Id, TriMesh},
     model::{
-        CutMesh, DevelopableMesh, FoldSample, Folded, FoldedCrease, Milling, Operation, Sheets, SourceMesh, StripeLine,
-        Stripes, Strips,
+        CutMesh, DevelopableMesh, FoldSample, Folded, FoldedCrease, GeodesicNet, Milling, NetFit, Operation, Sheets,
+        SourceMesh, StripeLine, Stripes, Strips,
     },
     render::{self, Edges, MeshStyle, RenderError, Rgb, SheetStyle, Stroke, Up, palette},
 };
@@ -26,6 +26,8 @@ pub struct Subjects<'a> {
     pub strips: Option<&'a Strips>,
     /// The stripes.
     pub stripes: Option<&'a Stripes>,
+    /// The net of geodesics.
+    pub net: Option<&'a NetFit>,
     /// The sheets.
     pub sheets: Option<&'a Sheets>,
     /// What was milled.
@@ -104,6 +106,12 @@ pub fn pictures<'a>(subjects: Subjects<'a>) -> Vec<Drawing<'a>> {
         for (name, turn) in [("stripes", 0.0), ("stripes-behind", std::f64::consts::PI)] {
             let style = MeshStyle { edges: Edges::Boundary, azimuth: base.azimuth + turn, ..base };
             out.push((format!("preview/{name}.png"), Box::new(move || draw_stripes(stripes, mesh, style))));
+        }
+    }
+    if let Some(fit) = subjects.net {
+        out.push(("preview/net.png".into(), Box::new(move || draw_curvature(&fit.net, base))));
+        if !fit.strain.is_empty() {
+            out.push(("preview/strain.png".into(), Box::new(move || draw_strain(fit, base))));
         }
     }
     if let Some(milling) = subjects.milling {
@@ -187,6 +195,51 @@ fn draw_strips(strips: &Strips, base: MeshStyle<'_>) -> Result<Vec<u8>, RenderEr
     render::mesh(&mesh, &MeshStyle { face: &face, edges: Edges::Boundary, ..base })
 }
 
+/// Geodesics of a net, dark, over its faces in the colour of its Gaussian curvature: red where it is positive, blue where it is
+/// negative, full at the curvature that 95 % of the points stay below.
+fn draw_curvature(net: &GeodesicNet, base: MeshStyle<'_>) -> Result<Vec<u8>, RenderError> {
+    const FLAT: [f64; 3] = [240.0, 238.0, 234.0];
+    const POSITIVE: [f64; 3] = [205.0, 60.0, 45.0];
+    const NEGATIVE: [f64; 3] = [45.0, 95.0, 195.0];
+    let (m, n) = (net.rows, net.columns);
+    let values: Vec<f64> = (0..m * n)
+        .map(|k| net.gaussian_curvature((k / n).clamp(1, m - 2), (k % n).clamp(1, n - 2)).unwrap_or(0.0))
+        .collect();
+    let mut sizes: Vec<f64> = values.iter().map(|it| it.abs()).collect();
+    sizes.sort_by(f64::total_cmp);
+    let full = sizes[sizes.len() * 95 / 100].max(f64::MIN_POSITIVE);
+    draw_net(net, base, &|k| mix(FLAT, if values[k] < 0.0 { NEGATIVE } else { POSITIVE }, values[k].abs() / full))
+}
+
+/// The same coloured by the amount of strain, full at the largest.
+fn draw_strain(fit: &NetFit, base: MeshStyle<'_>) -> Result<Vec<u8>, RenderError> {
+    const NONE: [f64; 3] = [236.0, 240.0, 226.0];
+    const MOST: [f64; 3] = [150.0, 30.0, 110.0];
+    let full = fit.strain.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+    draw_net(&fit.net, base, &|k| mix(NONE, MOST, fit.strain[k] / full))
+}
+
+fn mix(from: [f64; 3], to: [f64; 3], share: f64) -> Rgb {
+    [0, 1, 2].map(|k| (from[k] + (to[k] - from[k]) * share.clamp(0.0, 1.0)).round() as u8)
+}
+
+/// Quads in the colour of their first corner, with all geodesics.
+fn draw_net(
+    net: &GeodesicNet,
+    base: MeshStyle<'_>,
+    color: &(dyn Fn(usize) -> Rgb + Sync),
+) -> Result<Vec<u8>, RenderError> {
+    const INK: Rgb = [0x5a, 0x1f, 0x1f];
+    let mesh = net.mesh().map_err(|err| RenderError::Png(err.to_string()))?;
+    let quads = net.columns - 1;
+    // Two triangles of each quad follow each other.
+    let face = |f: FaceId| color(net.index(f.index() / 2 / quads, f.index() / 2 % quads));
+    let line = |j: usize| (0..net.rows).map(|i| net.at(i, j)).collect();
+    let strokes: Vec<Stroke> =
+        (0..net.columns).map(|j| Stroke { points: line(j), closed: false, color: INK, width: 1.2 }).collect();
+    render::mesh(&mesh, &MeshStyle { face: &face, strokes: &strokes, edges: Edges::Boundary, ..base })
+}
+
 /// What is left of the surface in blue, what is cut into in red, both full at their limits; pale where all is well, grey where
 /// nothing passed. Seen from the side that was milled.
 fn draw_milling(milling: &Milling, base: MeshStyle<'_>) -> Result<Vec<u8>, RenderError> {
@@ -197,8 +250,7 @@ fn draw_milling(milling: &Milling, base: MeshStyle<'_>) -> Result<Vec<u8>, Rende
     let face = |f: FaceId| -> Rgb {
         let Some(it) = milling.deviation[f.index()] else { return [150, 152, 158] };
         let (full, share) = if it < 0.0 { (DEEP, -it / gouge) } else { (LEFT, it / excess) };
-        let share = share.min(1.0);
-        [0, 1, 2].map(|k| (PALE[k] + (full[k] - PALE[k]) * share).round() as u8)
+        mix(PALE, full, share)
     };
     let mesh = &milling.painted;
     let passed = mesh.faces().filter(|f| milling.deviation[f.index()].is_some());

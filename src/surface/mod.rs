@@ -19,6 +19,7 @@ pub mod paths;
 pub mod rulings;
 pub mod seam_fit;
 pub mod sphere_map;
+pub mod straightest;
 mod subdivide;
 pub mod tangent;
 pub mod tree_cotree;

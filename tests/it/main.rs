@@ -13,6 +13,7 @@ mod layout;
 mod machine;
 mod meshes;
 mod mill;
+mod net;
 mod newcomer;
 mod page;
 mod pieces;
