@@ -146,7 +146,7 @@ impl Decomposition {
 }
 
 /// The best decomposition with chords between the `chosen` samples (ascending, the first and the last of all among them)
-/// in a band around the chords of `guide`; `None` when there is none.
+/// in a band around the chords of `guide`, and what it costs, mm²; `None` when there is none.
 pub(super) fn decompose(
     patch: &Patch,
     form: &Form,
@@ -155,7 +155,7 @@ pub(super) fn decompose(
     guide: &[(usize, usize)],
     terms: &Terms,
     monitor: &Monitor,
-) -> Result<Option<Decomposition>, Cancelled> {
+) -> Result<Option<(Decomposition, f64)>, Cancelled> {
     let mut programme = Programme::new(patch, form, border, chosen, guide, terms, monitor)?;
     for at in 0..programme.states.len() {
         if at % 256 == 0 {
@@ -332,7 +332,7 @@ impl<'a> Programme<'a> {
         }
     }
 
-    fn read(&self) -> Option<Decomposition> {
+    fn read(&self) -> Option<(Decomposition, f64)> {
         let root = self.states.last().filter(|it| it.cost.is_finite())?;
         let mut chords = Vec::new();
         let mut stack = vec![root];
@@ -349,7 +349,7 @@ impl<'a> Programme<'a> {
                 stack.push(next);
             }
         }
-        Some(Decomposition::new(self.border.len(), chords))
+        Some((Decomposition::new(self.border.len(), chords), root.cost))
     }
 }
 

@@ -51,6 +51,36 @@ pub(super) fn quadrilateral(outline: &[usize], n: usize) -> Option<[usize; 4]> {
     corners.windows(2).all(|w| w[0] < w[1]).then_some(corners)
 }
 
+/// An outline without the slits that it goes into and out of again: there both sides of the slit are in one panel.
+pub(super) fn without_spurs(border: &Border, outline: &[usize]) -> Vec<usize> {
+    /// Both sides of a slit are the same in space, and in the plane but for rounding; those of a seam lie apart there.
+    const SAME: f64 = 1e-9;
+    let near = SAME * size(border, outline);
+    let same = |a: usize, b: usize| border.xyz[a] == border.xyz[b] && (border.uv[a] - border.uv[b]).norm() <= near;
+    let mut out: Vec<usize> = Vec::with_capacity(outline.len());
+    for &i in outline {
+        // Out of a slit: this point was passed on the way in, the one between is its end or what is left of it.
+        if out.len() > 1 && same(out[out.len() - 2], i) {
+            out.pop();
+        } else {
+            out.push(i);
+        }
+    }
+    // The slit may lie where the outline begins.
+    while out.len() > 3 {
+        let n = out.len();
+        if same(out[n - 1], out[1]) {
+            out.remove(0);
+            out.pop();
+        } else if same(out[n - 2], out[0]) {
+            out.truncate(n - 2);
+        } else {
+            break;
+        }
+    }
+    out
+}
+
 /// Splits panels that are thicker than the terms allow, save quadrilaterals, by the best triangulation of their outline.
 pub(super) fn split(
     patch: &Patch,

@@ -11,7 +11,9 @@
 //! between which ∫ |N − N_panel|² dA is least. They are found by dynamic programmes over intervals of the outline: first
 //! over triangles between some of the samples ([`triangulate`], after minimum-weight triangulation, Klincsek 1980), then
 //! over planar quadrilaterals between all of them in a band around what was found ([`decompose`]). The error of a panel is
-//! exact and takes a constant time ([`chord`]). The result has no crossings and no gaps by construction.
+//! exact and takes a constant time ([`chord`]). The result has no crossings and no gaps by construction. Where chords pass
+//! over a crease that no straight line follows, the piece is opened along it and solved again ([`creases`]); its two sides
+//! keep common points, and what it bends there is no ruling.
 //!
 //! Normals and integrals are taken in the plane, where areas are those of the surface within the stretch of the
 //! flattening.
@@ -19,6 +21,7 @@
 mod bend;
 mod border;
 mod chord;
+mod creases;
 mod decompose;
 pub mod measure;
 mod merge;
@@ -84,6 +87,8 @@ const REACH: usize = 14;
 const BAND: usize = 7;
 /// The same for the second programme and the chords of the first.
 const FINE_BAND: usize = 2;
+/// Creases are opened under chords that leave the surface by more than so many tolerances.
+const BOWED: f64 = 2.0;
 /// Outlines are simplified by this share of a panel's size to count its corners.
 const CORNER: f64 = 0.01;
 /// A piece has no reliable rulings when it bends along them by this share of how much it bends in all.
@@ -177,32 +182,63 @@ fn directions(cut: &CutMesh, flat: &Flattening) -> Field<VertexId, Vec2> {
     Field::from_vec(smooth.iter().map(|it| it.doubled).collect())
 }
 
+/// A disk with the best chords between its samples, panels not joined yet.
+struct Disk {
+    patch: Patch,
+    form: Form,
+    border: Border,
+    /// The triangulation that the search began with.
+    guide: Vec<(usize, usize)>,
+    found: Decomposition,
+    cost: f64,
+}
+
+impl Disk {
+    fn solve(patch: Patch, terms: &Terms, monitor: &Monitor) -> Result<Option<Self>, Cancelled> {
+        let form = Form::new(&patch);
+        let border = Border::new(&patch, &form);
+        let gap = terms.reach / 2 * STRIDE;
+        let Some(guide) = triangulate::triangulation(&patch, &form, &border, gap, terms, monitor)? else {
+            return Ok(None);
+        };
+        let n = border.len();
+        // The ends of the triangulation take part, so that it is among the candidates.
+        let ends = guide.iter().flat_map(|&(i, k)| [i, k]);
+        let chosen: BTreeSet<usize> = (0..n - 1).step_by(STRIDE).chain([n - 1]).chain(ends).collect();
+        let coarse = decompose(&patch, &form, &border, chosen.into_iter().collect(), &guide, terms, monitor)?;
+        // The chords of the triangulation, or those of the first programme, are among the candidates, so something is
+        // found.
+        let (around, band) = match &coarse {
+            Some((it, _)) => (it.chords.iter().map(|it| (it.ends[0], it.ends[1])).collect(), FINE_BAND),
+            None => (guide.clone(), BAND),
+        };
+        let fine = Terms { reach: (terms.reach + FINE_BAND) * STRIDE, band, ..*terms };
+        let found = decompose(&patch, &form, &border, (0..n).collect(), &around, &fine, monitor)?;
+        Ok(found.map(|(found, cost)| Self { patch, form, border, guide, found, cost }))
+    }
+
+    /// The same opened along creases if that costs less, with whatever longer chords and fewer panels it gives. A surface
+    /// that is bent along its rulings everywhere has no creases to follow, only rough places.
+    fn slit(self, terms: &Terms, monitor: &Monitor) -> Result<Self, Cancelled> {
+        if self.found.residual(&self.border.whole()) > UNRELIABLE {
+            return Ok(self);
+        }
+        let mut patch = self.patch.clone();
+        if !creases::open(&mut patch, &self.border, &self.found, BOWED * terms.tolerance) {
+            return Ok(self);
+        }
+        Ok(Self::solve(patch, terms, monitor)?.filter(|it| it.cost < self.cost).unwrap_or(self))
+    }
+}
+
 fn solve(piece: PieceId, mut patch: Patch, terms: &Terms, monitor: &Monitor) -> Result<Solved, Cancelled> {
     monitor.check()?;
     let unsolved = Solved { piece, ruled: Ruled::Unsolved, residual: 1.0, names: vec![], border: None };
     if !sampling::open_to_disk(&mut patch) {
         return Ok(unsolved);
     }
-    let form = Form::new(&patch);
-    let border = Border::new(&patch, &form);
-    let gap = terms.reach / 2 * STRIDE;
-    let Some(guide) = triangulate::triangulation(&patch, &form, &border, gap, terms, monitor)? else {
-        return Ok(unsolved);
-    };
-    let n = border.len();
-    // The ends of the triangulation take part, so that it is among the candidates.
-    let ends = guide.iter().flat_map(|&(i, k)| [i, k]);
-    let chosen: BTreeSet<usize> = (0..n - 1).step_by(STRIDE).chain([n - 1]).chain(ends).collect();
-    let coarse = decompose(&patch, &form, &border, chosen.into_iter().collect(), &guide, terms, monitor)?;
-    // The chords of the triangulation, or those of the first programme, are among the candidates, so something is found.
-    let (around, band) = match &coarse {
-        Some(it) => (it.chords.iter().map(|it| (it.ends[0], it.ends[1])).collect(), FINE_BAND),
-        None => (guide.clone(), BAND),
-    };
-    let fine = Terms { reach: (terms.reach + FINE_BAND) * STRIDE, band, ..*terms };
-    let Some(found) = decompose(&patch, &form, &border, (0..n).collect(), &around, &fine, monitor)? else {
-        return Ok(unsolved);
-    };
+    let Some(disk) = Disk::solve(patch, terms, monitor)? else { return Ok(unsolved) };
+    let Disk { patch, form, border, guide, found, .. } = disk.slit(terms, monitor)?;
     let found = merge::split(&patch, &form, &border, found, terms, monitor)?;
     let mut found = merge::merged(&border, found, terms);
     let residual = found.residual(&border.whole());
@@ -250,7 +286,8 @@ impl Assembly {
             for &p in strip {
                 place[p] = out.panels.len() as u32;
                 let kind = kind(border, &found.panels[p]);
-                let outline = found.panels[p].iter().map(|&i| first + i as u32).collect();
+                let outline =
+                    merge::without_spurs(border, &found.panels[p]).iter().map(|&i| first + i as u32).collect();
                 out.panels.push(Panel { piece: it.piece, strip: number as u32, kind, outline });
             }
         }
@@ -272,7 +309,7 @@ fn kind(border: &Border, outline: &[usize]) -> PanelKind {
     if merge::quadrilateral(outline, border.len()).is_some() {
         return PanelKind::Quad;
     }
-    let points: Vec<Vec2> = outline.iter().map(|&i| border.uv[i]).collect();
+    let points: Vec<Vec2> = merge::without_spurs(border, outline).iter().map(|&i| border.uv[i]).collect();
     let corners = simplify(&points, true, CORNER * merge::size(border, outline), &|_| false);
     if corners.len() > 3 { PanelKind::Polygon } else { PanelKind::Triangle }
 }

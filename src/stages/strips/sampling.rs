@@ -18,6 +18,18 @@ const MOST_PER_EDGE: f64 = 24.0;
 /// Bridges to a hole start at no more than about this many points of each loop.
 const BRIDGE_STARTS: usize = 60;
 
+/// Largest distance of samples on the boundary of a piece, mm.
+fn spacing(area: f64, border: f64) -> f64 {
+    (STEP * area.sqrt()).min(border / LEAST)
+}
+
+/// The same for a patch.
+pub(super) fn step(patch: &Patch) -> f64 {
+    let area: f64 = (0..patch.face_count() as u32).map(|f| patch.area(f)).sum();
+    let border: f64 = patch.loops().iter().flatten().map(|&h| patch.length(h)).sum();
+    spacing(area.max(0.0), border)
+}
+
 /// How many parts every boundary edge of the cut mesh is divided into: the finer of what the pieces on its two sides want.
 pub(super) fn divisions(cut: &CutMesh, charts: &[Chart]) -> Field<EdgeId, u32> {
     let mesh = &cut.mesh;
@@ -25,7 +37,7 @@ pub(super) fn divisions(cut: &CutMesh, charts: &[Chart]) -> Field<EdgeId, u32> {
     for chart in charts {
         let area: f64 = chart.faces.iter().map(|&f| mesh.area(f)).sum();
         let border: f64 = chart.loops.iter().flatten().map(|it| mesh.vector(it.0).norm()).sum();
-        let step = (STEP * area.sqrt()).min(border / LEAST);
+        let step = spacing(area, border);
         for &(h, _) in chart.loops.iter().flatten() {
             count[mesh.edge(h)] = (mesh.vector(h).norm() / step).ceil().clamp(1.0, MOST_PER_EDGE) as u32;
         }
@@ -52,6 +64,16 @@ pub(super) fn sampled(cut: &CutMesh, flat: &Flattening, chart: &Chart, divisions
         divide(&mut patch, v, parts);
     }
     patch
+}
+
+/// Divides halfedges that have become boundary into parts of `step` at most; both sides of a slit alike.
+pub(super) fn divide_sides(patch: &mut Patch, sides: &[u32], step: f64) {
+    let parts = |h: u32| (patch.length(h) / step).ceil().clamp(1.0, MOST_PER_EDGE) as u32;
+    // Dividing renumbers halfedges, but not the vertices that they leave.
+    let sides: Vec<(u32, u32)> = sides.iter().map(|&h| (patch.tail[h as usize], parts(h))).collect();
+    for (v, parts) in sides {
+        divide(patch, v, parts);
+    }
 }
 
 /// Divides the boundary edge that begins at vertex `a` into equal parts.

@@ -36,7 +36,7 @@ impl Default for StripsStage {
 
 impl Stage for StripsStage {
     const NAME: &'static str = "strips";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     type Input = (SourceMesh, CutMesh, Flattening);
     type Output = Strips;
     /// Smallest radius to which the material can be bent, mm, if it is known.

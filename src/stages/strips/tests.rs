@@ -187,3 +187,40 @@ fn panels_are_a_disk_and_their_mesh_is_the_surface() {
     let strips: Vec<u32> = out.panels.iter().map(|it| it.strip).collect();
     assert!(strips.windows(2).all(|w| w[1] == w[0] || w[1] == w[0] + 1), "{strips:?}");
 }
+
+/// A cylinder reflected beyond a slanted plane: a curved crease from side to side, with rulings that end at it. The crease
+/// is v = crease(u) in the plane.
+fn creased(columns: usize, rows: usize) -> (TriMesh, Vec<Vec2>, impl Fn(f64) -> f64) {
+    const RADIUS: f64 = 40.0;
+    let normal = nalgebra::Vector3::new(0.0, 60.0_f64.to_radians().sin(), 60.0_f64.to_radians().cos());
+    let crease = move |u: f64| normal.z * RADIUS * (1.0 - (u / RADIUS).cos()) / normal.y;
+    let grid = shapes::grid(columns, rows, 1.0);
+    let (mut uv, mut places) = (Vec::new(), Vec::new());
+    for p in grid.positions().iter() {
+        let (u, t) = (60.0 * (p.x / columns as f64 - 0.5), 60.0 * (p.y / rows as f64 - 0.5));
+        let v = crease(u) + t;
+        let place = nalgebra::Vector3::new(RADIUS * (u / RADIUS).sin(), v, RADIUS * ((u / RADIUS).cos() - 1.0));
+        let beyond = normal.dot(&place).max(0.0);
+        uv.push(Vec2::new(u, v));
+        places.push(place - normal * (2.0 * beyond));
+    }
+    (TriMesh::new(places, &grid.face_indices()).unwrap(), uv, crease)
+}
+
+#[test]
+fn strips_end_at_a_curved_crease() {
+    let (mesh, uv, crease) = creased(24, 24);
+    let (out, it) = solved((mesh, uv), 0.2);
+    assert!((it.covered_share - 1.0).abs() < 1e-9 && it.planarity_max <= 0.003, "{it:?}");
+    assert!(it.distance.hausdorff < 1.0, "{:?}", it.distance);
+    let sides = |panel: &Panel| {
+        let from = |p: &Vec2| p.y - crease(p.x);
+        let outline = out.flat_outline(panel);
+        let (low, high) = (outline.iter().map(from).fold(0.0, f64::min), outline.iter().map(from).fold(0.0, f64::max));
+        (low.abs().min(high), crate::geom::signed_area(&outline))
+    };
+    // The mesh follows the crease by straight edges, which leave it by 0.02 mm.
+    let across: f64 = out.panels.iter().map(sides).filter(|it| it.0 > 0.1).map(|it| it.1).sum();
+    assert!(across < 0.02 * 3600.0, "{across} mm² of panels across the crease");
+    assert!(it.area_shares[0] > 0.8, "{:?}", it.area_shares);
+}
