@@ -275,26 +275,34 @@ impl<'a> Sweep<'a> {
         let mut near = std::mem::take(&mut self.scratch);
         near.clear();
         self.samples.near(&to.tip, &to.at(tool.flute), tool.widest() + self.band, |i| near.push(i as u32));
+        let (sin, cos) = tool.taper.sin_cos();
         for &i in &near {
             let i = i as usize;
             let p = &self.samples.points[i];
-            let Some(clearance) = tool.flank(to, p) else { continue };
-            let depth = tool.depths(to, p).0;
+            let (height, rho) = tool.polar(to, p);
+            if !(0.0..=tool.flute).contains(&height) {
+                continue;
+            }
+            let clearance = (rho - tool.radius) * cos - height * sin;
+            if clearance > self.band {
+                continue;
+            }
+            // Near the flat end the way out is down.
+            let depth = height.min(-clearance);
             cut.meet(depth, *p);
             self.clearance[i] = self.clearance[i].min(if depth > 0.0 { -depth } else { clearance.max(0.0) });
-            let height = (p - to.tip).dot(&to.axis);
-            let normal =
-                if contact[0] <= height && height <= contact[1] { facing(self.samples.faces[i]) } else { None };
-            if let Some(normal) = normal.filter(|_| clearance <= self.band) {
-                let from_axis = p - to.at(height);
-                if from_axis.dot(&normal) > -FACING * from_axis.norm() {
-                    continue;
-                }
-                // The line of contact is within a step and a half of the sample.
-                let travel = to.at(height) - from.at(height);
-                let travel = travel - to.axis * travel.dot(&to.axis);
-                self.passed[i] |= (p - to.tip).dot(&travel).abs() <= 1.5 * travel.norm_squared();
+            if self.passed[i] || height < contact[0] || contact[1] < height {
+                continue;
             }
+            let Some(normal) = facing(self.samples.faces[i]) else { continue };
+            let from_axis = p - to.at(height);
+            if from_axis.dot(&normal) > -FACING * from_axis.norm() {
+                continue;
+            }
+            // The line of contact is within a step and a half of the sample.
+            let travel = to.at(height) - from.at(height);
+            let travel = travel - to.axis * travel.dot(&to.axis);
+            self.passed[i] = (p - to.tip).dot(&travel).abs() <= 1.5 * travel.norm_squared();
         }
         self.scratch = near;
         let wide = tool.shank.max(tool.holder);

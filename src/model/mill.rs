@@ -59,6 +59,19 @@ pub struct MillMove {
     pub piece: PieceId,
 }
 
+/// A part of a strip that is not cut.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StripLeft {
+    /// Name of the piece.
+    pub piece: String,
+    /// Number of the strip in it, from 0.
+    pub strip: u32,
+    /// How much, mm²: at most, as far as it was tried.
+    pub area: f64,
+    /// For people: what is in the way of most of it, and where.
+    pub reason: String,
+}
+
 /// What a cutter does along the rulings of some pieces.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Milling {
@@ -78,18 +91,29 @@ pub struct Milling {
     pub pieces: Vec<String>,
     /// Pieces that are not, with the reason.
     pub refused: Vec<[String; 2]>,
+    /// Pieces with places too hollow for the cutter, with the smallest radius and its place.
+    pub tight: Vec<[String; 2]>,
+    /// Parts of strips of the others that nothing can cut.
+    pub left: Vec<StripLeft>,
     /// Continuous cuts.
     pub segments: usize,
     /// The body in its own coordinates, its cut pieces finely divided.
     pub painted: Box<TriMesh>,
     /// Per face of that mesh: what is left on it, negative where it is cut into, mm; `None` where no contact passed.
     pub deviation: Vec<Option<f64>>,
+    /// Per face of that mesh: what a ball of the cutter's radius would leave on it anyway, mm; looked up only where more than
+    /// the limit is left, 0 elsewhere.
+    pub closing: Vec<f64>,
     /// Share of the area of the pieces that the contact passed.
     pub covered: f64,
     /// The deepest place that is cut into, in coordinates of the body.
     pub gouge: Deepest,
-    /// The highest place that is left, where contact passed.
+    /// The highest place that is left, where contact passed, over what a ball of the cutter's radius would leave there.
     pub excess: Deepest,
+    /// Where more than the limit is left because the cutter does not fit: the most that a ball of its radius leaves.
+    pub unfit: Deepest,
+    /// Share of the area of the pieces where that is so.
+    pub unfit_share: f64,
     /// The deepest place inside the shank, the holder or the fixture.
     pub collision: Deepest,
     /// How deep may be cut, how much may be left, mm.

@@ -14,7 +14,7 @@ mod strips;
 
 pub use folded::{Fold, FoldFigures, FoldFrame, FoldSample, Folded, FoldedCrease, Held, Run};
 pub use globe::Globe;
-pub use mill::{MillMove, Milling, Setup};
+pub use mill::{MillMove, Milling, Setup, StripLeft};
 pub use mold::{MoldPanel, MoldProgram, MoldSegment, Molds};
 pub use net::{Frame, GeodesicNet, Lath, LathCrossing, NetFit};
 pub(crate) use nouns::with_nouns;

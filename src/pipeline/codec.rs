@@ -12,8 +12,8 @@ use crate::{
         FoldSample, Folded, FoldedCrease, GeodesicNet, Globe, Guides, Held, Joints, Kind, Lath, LathCrossing, Mark,
         MillMove, Milling, MoldPanel, MoldProgram, MoldSegment, Molds, NetFit, Noun, Opening, Operation, Overlap,
         Panel, PanelKind, Part, Parts, Patch, Piece, PieceId, Placement, Round, Ruled, Ruling, Seam, Setup, Sheet,
-        SheetPaths, Sheets, SourceMesh, StripeEnd, StripeLine, Stripes, Strips, Toolpath, Toolpaths, Tradeoff, Web,
-        with_nouns,
+        SheetPaths, Sheets, SourceMesh, StripLeft, StripeEnd, StripeLine, Stripes, Strips, Toolpath, Toolpaths,
+        Tradeoff, Web, with_nouns,
     },
 };
 
@@ -313,9 +313,10 @@ records! {
     Deepest { depth, place }
     Setup { rows, shift }
     MillMove { rapid, pose, contact, joints, seconds, segment, piece }
+    StripLeft { piece, strip, area, reason }
     Milling {
-        axes, setup, tool, span, spindle, moves, pieces, refused, segments, painted, deviation, covered, gouge, excess, collision,
-        limits,
+        axes, setup, tool, span, spindle, moves, pieces, refused, tight, left, segments, painted, deviation, closing, covered,
+        gouge, excess, unfit, unfit_share, collision, limits,
     }
     Toolpaths { sheets, cut_length, travel_length, lifts, seconds, left_out, uncompensated }
 }

@@ -6,7 +6,7 @@ use crate::{
     geom::Vec3,
     import::gcode::axes::{AXES, Block, read_axes},
     mesh::{
-        FaceId, Field, TriMesh,
+        FaceId, Field, Id, TriMesh,
         sweep::{Pose, Samples, Sweep},
     },
     model::{CutMesh, Milling},
@@ -49,8 +49,8 @@ pub fn replay(programs: &[(String, Vec<u8>)], job: &Milling, cut: &CutMesh, mach
 
 struct Body {
     samples: Samples,
-    /// Samples that the job says were passed.
-    passed: Vec<usize>,
+    /// Samples that the job says were passed, and what no ball of the cutter's radius could take off there, mm.
+    passed: Vec<(usize, f64)>,
 }
 
 impl Body {
@@ -62,8 +62,8 @@ impl Body {
         let (mut points, mut faces) = Samples::spread(&placed(&cut.mesh), |_| Some(spacing));
         let painted = placed(&job.painted);
         let mut passed = Vec::new();
-        for (f, _) in painted.faces().zip(&job.deviation).filter(|it| it.1.is_some()) {
-            passed.push(points.len());
+        for f in painted.faces().filter(|f| job.deviation[f.index()].is_some()) {
+            passed.push((points.len(), job.closing[f.index()]));
             points.push(painted.face_positions(f).iter().sum::<Vec3>() / 3.0);
             faces.push(FaceId(0));
         }
@@ -76,7 +76,7 @@ impl Body {
         for w in poses.windows(2) {
             sweep.step(&w[0], &w[1], [0.0, -1.0], &|_| None);
         }
-        let left = self.passed.iter().map(|&i| sweep.clearance[i]).fold(0.0, f64::max);
+        let left = self.passed.iter().map(|&(i, closing)| sweep.clearance[i] - closing).fold(0.0, f64::max);
         [sweep.gouge().depth, left, sweep.collision.depth]
     }
 }

@@ -98,27 +98,66 @@ fn a_cone_and_a_twisted_patch_are_milled_from_both_sides_by_every_kind_of_machin
     {
         let outside = milled(good(fixture), &options(machine));
         within(fixture, &outside);
-        assert_eq!(outside.segments, 1, "{fixture}");
+        // One way along, and a few short ones where too much was left at its ends.
+        assert!(outside.segments < 10, "{fixture}: {}", outside.segments);
     }
     within("cone, inside", &milled(turned(&good("cone-patch.obj")), &options(tables_bc)));
 }
 
 #[test]
-fn cones_levels_and_stock() {
+fn a_conical_cutter_keeps_out_of_the_surface() {
     let base = options(tables_ac());
     let tool = Tool { taper: 0.1, radius: 2.0, shank: 7.0, holder: 12.0, ..base.tool };
-    let conical = milled(good("cone-patch.obj"), &Options { tool, ..base.clone() });
-    assert!(conical.gouge.depth <= conical.limits[0], "{:?}", conical.gouge);
+    within("conical", &milled(good("cone-patch.obj"), &Options { tool, ..base }));
+}
+
+#[test]
+fn long_rulings_are_cut_in_levels_and_stock_in_depths() {
     // 50 mm rulings with edges of 30 mm take two levels, 1.8 mm of stock take two depths of at most 1 mm.
+    let base = options(tables_ac());
     let tool = Tool { flute: 30.0, ..base.tool };
-    let passes = milled(good("cone-patch.obj"), &Options { tool, stock: 1.8, ..base.clone() });
+    let passes = milled(good("cone-patch.obj"), &Options { tool, stock: 1.8, ..base });
     within("passes", &passes);
-    assert_eq!(passes.segments, 4);
-    // What a holder cannot get past stays as it is.
-    let tool = Tool { flute: 20.0, reach: 25.0, ..base.tool };
+    assert!((4..20).contains(&passes.segments) && passes.segments % 2 == 0, "{}", passes.segments);
+}
+
+#[test]
+fn what_a_holder_cannot_get_past_stays_as_it_is_and_is_told_of() {
+    let base = options(tables_ac());
+    let tool = Tool { flute: 12.0, reach: 16.0, ..base.tool };
     let stubby = milled(good("cone-patch.obj"), &Options { tool, ..base });
     assert_eq!(stubby.collision.depth, 0.0);
-    assert!((0.2..0.8).contains(&stubby.covered), "{}", stubby.covered);
+    assert!(stubby.gouge.depth <= stubby.limits[0], "{:?}", stubby.gouge);
+    // From both ends of the rulings it comes to what lies within its reach of them.
+    assert!((0.3..0.8).contains(&stubby.covered), "{}", stubby.covered);
+    let told = stubby.left.iter().any(|it| it.reason.contains("in the way of the shank or holder"));
+    assert!(told, "{:?}", stubby.left);
+}
+
+#[test]
+fn a_surface_that_bows_along_its_rulings_is_cut_in_as_many_levels_as_it_takes() {
+    // The cone stands out or in by 0.5 mm in the middle of its rulings: a straight cutter would leave as much at their ends, or
+    // there.
+    let cone = good("cone-patch.obj");
+    let normals: Vec<Vec3> = {
+        let mut sums = vec![Vec3::zeros(); cone.vertex_count()];
+        for f in cone.faces() {
+            cone.face_vertices(f).iter().for_each(|v| sums[v.0 as usize] += cone.area_vector(f));
+        }
+        sums
+    };
+    let bounds = cone.bounds();
+    let share = |p: &Vec3| (p - bounds.min).component_div(&bounds.size());
+    for sign in [1.0, -1.0] {
+        let bowed = cone.positions().iter().zip(&normals).map(|(p, n)| {
+            let s = share(p).y;
+            p + n.normalize() * (sign * 2.0 * s * (1.0 - s))
+        });
+        let mesh = TriMesh::new(bowed.collect(), &cone.face_indices()).unwrap();
+        let found = milled(mesh, &Options { excess: 0.1, ..options(tables_ac()) });
+        within("bowed", &found);
+        assert!(found.segments > 9, "{sign}: {}", found.segments);
+    }
 }
 
 #[test]

@@ -32,6 +32,8 @@ pub(super) struct Guard<'a> {
     /// Distance of the samples.
     pub(super) spacing: f64,
     pub(super) tool: Tool,
+    /// How far the tool is drawn back along its axis after a cut, mm.
+    pub(super) withdrawn: f64,
     /// How far into the surface a settled posture may reach, mm.
     pub(super) allowed: f64,
     /// How far the body beside a piece may push the cutter off it, mm.
@@ -52,6 +54,14 @@ impl Shift {
     }
 }
 
+/// A posture on the surface.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Settled {
+    pub(super) posture: Posture,
+    /// Most that it leaves along its contact, mm.
+    pub(super) left: f64,
+}
+
 /// A posture that would have to tilt by more than this to stand on its ruling does not belong there.
 const STEEPEST: f64 = 0.2;
 
@@ -59,16 +69,17 @@ const STEEPEST: f64 = 0.2;
 const ROUNDS: usize = 3;
 
 impl Guard<'_> {
-    /// Height, shift asked for, and index of every sample that a cutter could meet.
-    fn asked(&self, posture: &Posture, visit: &mut dyn FnMut(usize, f64, f64)) {
+    /// Height, shift asked for, and index of every sample that a cutter could meet, from `below` its flat end up.
+    fn asked(&self, posture: &Posture, below: f64, visit: &mut dyn FnMut(usize, f64, f64)) {
         let pose = &posture.pose;
+        let widening = self.tool.taper.tan();
         self.samples.near(&pose.tip, &pose.at(self.tool.flute), self.tool.widest() + 1.0, |i| {
             let d = self.samples.points[i] - pose.tip;
             let (h, u, w) = (d.dot(&pose.axis), d.dot(&posture.across), d.dot(&posture.out));
-            if !(0.0..=self.tool.flute).contains(&h) {
+            if !(-below..=self.tool.flute).contains(&h) {
                 return;
             }
-            let radius = self.tool.radius_at(h);
+            let radius = self.tool.radius + h.max(0.0) * widening;
             // What lies beyond the far side of the cutter is not in its way.
             if u.abs() < radius {
                 let half = (radius * radius - u * u).sqrt();
@@ -80,16 +91,18 @@ impl Guard<'_> {
     }
 
     /// The posture moved so that it touches the surface of the faces that are `own` and cuts into nothing.
-    pub(super) fn settle(&self, posture: &Posture, own: &dyn Fn(FaceId) -> bool) -> Result<Posture, Obstacle> {
+    pub(super) fn settle(&self, posture: &Posture, own: &dyn Fn(FaceId) -> bool) -> Result<Settled, Obstacle> {
         let mut posture = *posture;
+        let mut left = 0.0;
         for _ in 0..ROUNDS {
             let (mut mine, mut all, mut worst) = (Vec::new(), Vec::new(), (f64::NEG_INFINITY, Vec3::zeros()));
             let band = self.tool.radius * 0.5;
-            self.asked(&posture, &mut |i, h, shift| {
-                if shift < -band {
+            // What the surface does between the samples at the end of the cutter is told by those beyond it.
+            self.asked(&posture, self.spacing, &mut |i, h, shift| {
+                let is_own = own(self.samples.faces[i]);
+                if shift < -band || (h < 0.0 && !is_own) {
                     return;
                 }
-                let is_own = own(self.samples.faces[i]);
                 if is_own {
                     mine.push((h, shift));
                 } else if shift > worst.0 {
@@ -104,31 +117,32 @@ impl Guard<'_> {
             if pushed[0].max(pushed[1]) > self.push {
                 return Err(Obstacle::Cutter(worst.1));
             }
+            left = gaps(&mine, &line, posture.contact).map(|it| it.1).fold(0.0, f64::max);
             posture = shifted(&posture, &line, self.allowed);
         }
         match self.in_holder(&posture.pose) {
             Some(place) => Err(Obstacle::Holder(place)),
-            None => Ok(posture),
+            None => Ok(Settled { posture, left }),
         }
     }
 
     /// How much a posture leaves along its contact when it is settled on the faces that are `own`, mm: the mean height of the
     /// line that it is moved out by over what the samples ask for.
     pub(super) fn hollow(&self, posture: &Posture, own: &dyn Fn(FaceId) -> bool) -> f64 {
-        const BINS: usize = 24;
-        let [low, high] = posture.contact;
-        let mut top = [f64::NEG_INFINITY; BINS];
-        self.asked(posture, &mut |i, h, shift| {
-            if (low..high).contains(&h) && own(self.samples.faces[i]) {
-                let bin = ((h - low) / (high - low) * BINS as f64) as usize;
-                top[bin.min(BINS - 1)] = top[bin.min(BINS - 1)].max(shift);
+        let mut mine = Vec::new();
+        self.asked(posture, 0.0, &mut |i, h, shift| {
+            if own(self.samples.faces[i]) {
+                mine.push((h, shift));
             }
         });
-        let middle = |k: usize| low + (high - low) * (k as f64 + 0.5) / BINS as f64;
-        let points: Vec<(f64, f64)> =
-            top.iter().enumerate().filter(|it| it.1.is_finite()).map(|(k, &shift)| (middle(k), shift)).collect();
-        let Some(line) = lowest(&points, posture.contact) else { return 0.0 };
-        points.iter().map(|it| line.over(it.0) - it.1).sum::<f64>() / points.len() as f64
+        let [low, high] = posture.contact;
+        mine.retain(|it| (low..high).contains(&it.0));
+        let Some(line) = lowest(&mine, posture.contact) else { return 0.0 };
+        let (mut sum, mut count) = (0.0, 0.0);
+        for (_, gap) in gaps(&mine, &line, posture.contact) {
+            (sum, count) = (sum + gap, count + 1.0);
+        }
+        sum / f64::max(count, 1.0)
     }
 
     /// How far the surface of the faces that are `own` goes along a line on it, from a point of it to both sides: samples
@@ -171,13 +185,43 @@ impl Guard<'_> {
     /// How deep a posture reaches into the surface; negative where it does not touch.
     pub(super) fn depth(&self, posture: &Posture) -> f64 {
         let mut depth = f64::NEG_INFINITY;
-        self.asked(posture, &mut |_, _, shift| depth = depth.max(shift));
+        self.asked(posture, 0.0, &mut |_, _, shift| depth = depth.max(shift));
         depth
     }
 
-    /// A place of the body inside the shank or the holder.
+    /// About what a ball as wide as the tip of the cutter leaves on a sample, mm: from where it touches the sample along the
+    /// normal it is moved out of the nearest ones. A cutter holds such a ball wherever it touches, so it leaves no less.
+    pub(super) fn closing(&self, p: Vec3, normal: Vec3) -> f64 {
+        const PUSHES: usize = 60;
+        let radius = self.tool.radius;
+        let mut center = p + normal * radius;
+        for _ in 0..PUSHES {
+            let mut nearest = (radius - self.allowed, Vec3::zeros());
+            self.samples.near(&center, &center, radius, |i| {
+                let away = center - self.samples.points[i];
+                if away.norm() < nearest.0 {
+                    nearest = (away.norm(), away);
+                }
+            });
+            match nearest.1.try_normalize(1e-12) {
+                Some(out) => center += out * (radius - nearest.0),
+                None => break,
+            }
+        }
+        ((center - p).norm() - radius).max(0.0)
+    }
+
+    /// The cutter with all that it sweeps when it is drawn back along its axis: the cutting part follows the shank, and the
+    /// holder takes up all that lies behind it.
+    pub(super) fn drawn_back(&self) -> Tool {
+        let tool = self.tool;
+        let shank = tool.shank.max(tool.widest() - 2.0 * self.allowed);
+        Tool { shank, holder_length: tool.holder_length + self.withdrawn, ..tool }
+    }
+
+    /// A place of the body inside the shank or the holder, there or drawn back.
     fn in_holder(&self, pose: &Pose) -> Option<Vec3> {
-        let tool = &self.tool;
+        let tool = self.drawn_back();
         let (low, high) = (pose.at(tool.flute), pose.at(tool.reach + tool.holder_length));
         let mut found = None;
         self.samples.near(&low, &high, tool.shank.max(tool.holder), |i| {
@@ -219,30 +263,47 @@ pub(super) fn in_box(tool: &Tool, pose: &Pose, fixture: &Box3) -> Option<Vec3> {
     })
 }
 
-/// The line over all points that is lowest in the middle of a stretch: the side of their upper hull there.
+/// The line over all points that is lowest in the middle of a stretch: the side of their upper hull there. From the highest
+/// points on either side of the middle, the end of the line on the side of the point farthest above it moves there, which
+/// raises the line in the middle every time, until none is above it.
 fn lowest(points: &[(f64, f64)], stretch: [f64; 2]) -> Option<Shift> {
     let middle = (stretch[0] + stretch[1]) / 2.0;
-    let mut sorted: Vec<(f64, f64)> = points.to_vec();
-    sorted.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.total_cmp(&a.1)));
-    let mut hull: Vec<(f64, f64)> = Vec::new();
-    for p in sorted {
-        while let [.., a, b] = hull[..] {
-            if (b.0 - a.0) * (p.1 - a.1) >= (b.1 - a.1) * (p.0 - a.0) {
-                hull.pop();
-            } else {
-                break;
+    let highest = |on_left: bool| {
+        let side = points.iter().filter(move |it| (it.0 <= middle) == on_left);
+        side.copied().max_by(|a, b| a.1.total_cmp(&b.1))
+    };
+    let (mut left, mut right) = match (highest(true), highest(false)) {
+        (Some(left), Some(right)) => (left, right),
+        // All on one side of the middle: as far out as the highest, without a tilt.
+        (one, other) => return one.or(other).map(|it| Shift { at: it.0, value: it.1, slope: 0.0 }),
+    };
+    loop {
+        let line = Shift { at: left.0, value: left.1, slope: (right.1 - left.1) / (right.0 - left.0) };
+        let mut above = (1e-12, None);
+        for it in points {
+            let height = it.1 - line.over(it.0);
+            if height > above.0 {
+                above = (height, Some(*it));
             }
         }
-        if hull.last().is_none_or(|it| p.0 > it.0) {
-            hull.push(p);
+        match above.1 {
+            None => return Some(line),
+            Some(it) if it.0 <= middle => left = it,
+            Some(it) => right = it,
         }
     }
-    let side = hull.windows(2).find(|w| w[0].0 <= middle && middle <= w[1].0);
-    match side {
-        Some(w) => Some(Shift { at: w[0].0, value: w[0].1, slope: (w[1].1 - w[0].1) / (w[1].0 - w[0].0) }),
-        // All on one side of the middle: as far out as the highest, without a tilt.
-        None => hull.iter().max_by(|a, b| a.1.total_cmp(&b.1)).map(|it| Shift { at: it.0, value: it.1, slope: 0.0 }),
+}
+
+/// Height and what is left under a line over points, in bins of equal height along a stretch; empty bins have none.
+fn gaps(points: &[(f64, f64)], line: &Shift, [low, high]: [f64; 2]) -> impl Iterator<Item = (f64, f64)> {
+    const BINS: usize = 24;
+    let mut least = [f64::INFINITY; BINS];
+    for &(h, shift) in points.iter().filter(|it| (low..high).contains(&it.0)) {
+        let bin = &mut least[((h - low) / (high - low) * BINS as f64) as usize];
+        *bin = bin.min(line.over(h) - shift);
     }
+    let middle = move |k: usize| low + (high - low) * (k as f64 + 0.5) / BINS as f64;
+    (0..BINS).map(move |k| (middle(k), least[k])).filter(|it| it.1.is_finite())
 }
 
 /// Moves a posture out by a line, less what is allowed.

@@ -63,6 +63,8 @@ struct Guide {
 /// A panel between two guides; the rulings in it run from the first to the second.
 struct Span<'a> {
     panel: &'a Panel,
+    /// Number of the panel among all.
+    index: usize,
     guides: [Guide; 2],
     /// Normals at the first guide, in the middle, at the second one.
     normals: [Vec3; 3],
@@ -106,6 +108,11 @@ impl<'a> Band<'a> {
     /// Largest parameter.
     pub(super) fn end(&self) -> f64 {
         self.spans.len() as f64
+    }
+
+    /// The place of a panel in the strip, by its number among all.
+    pub(super) fn place_of(&self, panel: usize) -> Option<usize> {
+        self.spans.iter().position(|it| it.index == panel)
     }
 
     /// The ruling at a parameter; `None` where the panel has no width.
@@ -196,7 +203,7 @@ fn spans<'a>(strips: &'a Strips, first: usize, group: &[&'a Panel]) -> Vec<Span<
             if k > 0 { mean(k - 1, k) } else { normals[k] },
             if k + 1 < group.len() { mean(k, k + 1) } else { normals[k] },
         ];
-        out.push(Span { panel, guides, normals: [ends[0], normals[k], ends[1]] });
+        out.push(Span { panel, index: first + k, guides, normals: [ends[0], normals[k], ends[1]] });
     }
     out
 }

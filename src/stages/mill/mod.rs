@@ -1,17 +1,21 @@
 //! Flank milling and hot-wire cutting: a cutter is led along the rulings of a piece so that its side touches all of each.
 //!
 //! Postures stand on the rulings of the strips, which are interpolated inside the panels ([`lines`]); each is settled on the
-//! developed mesh ([`guard`]) and turned into joints of the machine ([`kinematics`]); blocks are halved until the cutter,
-//! moved as the controller moves it, neither cuts in nor hovers; at last the whole program is swept past samples of the body
-//! ([`crate::mesh::sweep`]). Formulas and symbols: [`posture`].
+//! developed mesh ([`guard`]) in as many levels as the bow of the ruling takes ([`levels`]), and turned into joints of the
+//! machine ([`kinematics`]); blocks are halved until the cutter, moved as the controller moves it, neither cuts in nor hovers;
+//! at last the whole program is swept past samples of the body ([`proof`], [`crate::mesh::sweep`]), and where that finds too
+//! much left, lower levels are cut as well. Formulas and symbols: [`posture`].
 
+mod curve;
 mod guard;
 pub mod kinematics;
+mod levels;
 mod lines;
 mod machine;
 mod path;
 mod plan;
 pub mod posture;
+mod proof;
 pub mod stage;
 mod tell;
 #[cfg(test)]
@@ -20,18 +24,22 @@ mod tests;
 pub use kinematics::{Beyond, Carrier, Kinematics, Linear, Rotary};
 pub use machine::{Machine, Wire};
 
+use std::collections::BTreeSet;
+
 use crate::{
     geom::{Box3, Vec3},
     mesh::{
-        FaceId, Field, Id, TriMesh,
+        Bvh, FaceId, Field, Id, TriMesh,
         sweep::{Deepest, Samples, Tool},
     },
-    model::{CutMesh, MillMove, Milling, PieceId, Ruled, Setup, Strips},
+    model::{CutMesh, MillMove, Milling, PieceId, Ruled, Setup, StripLeft, Strips},
     numeric::{Cancelled, Monitor},
     surface::subdivide,
 };
 use guard::Guard;
 use lines::{Band, Skin};
+use proof::{Proof, Swept};
+use tell::Tight;
 
 /// Plain options of the kernel. Lengths mm, angles radians, speeds mm/s.
 #[derive(Debug, Clone, PartialEq)]
@@ -117,18 +125,28 @@ pub fn mill(cut: &CutMesh, strips: &Strips, options: &Options, monitor: &Monitor
         Ok(())
     };
     let mut good = Vec::new();
+    let mut tight = Vec::new();
     for piece in wanted {
         match unfit(cut, strips, piece, options) {
-            Some(reason) => refuse(piece, reason)?,
-            None => good.push(piece),
+            Some(it) if it.share > MOST_TIGHT => refuse(piece, it.reason)?,
+            found => {
+                good.push(piece);
+                tight.extend(found.map(|it| [cut.pieces[piece].name.clone(), it.reason]));
+            }
         }
     }
     let mesh = &cut.mesh;
     let body = samples(mesh, &|f| good.contains(&cut.piece_of[f]), options);
+    let (points, on) = Samples::spread(mesh, |_| Some(spacing(options)));
+    let samples = Samples::of_points(points, on);
     let guard = Guard {
-        samples: &body.samples,
+        samples: &samples,
         spacing: spacing(options),
         tool: options.tool,
+        withdrawn: match options.machine {
+            Machine::Mill(_) => mesh.bounds().diagonal(),
+            Machine::Wire(_) => 0.0,
+        },
         allowed: options.gouge / 4.0,
         push: options.excess.min(0.25 * options.tool.radius.max(options.excess)),
     };
@@ -136,7 +154,7 @@ pub fn mill(cut: &CutMesh, strips: &Strips, options: &Options, monitor: &Monitor
     let skins: Vec<Skin<'_>> = good.iter().map(|&it| Skin::new(mesh, faces(it))).collect();
     let bands: Vec<(PieceId, Vec<Band<'_>>)> =
         good.iter().zip(&skins).map(|(&it, skin)| (it, Band::of_piece(strips, it, skin))).collect();
-    let plan = plan::plan(cut, &bands, &guard, options, monitor)?;
+    let mut plan = plan::plan(cut, &bands, &guard, options, monitor)?;
     for (piece, reason) in &plan.unreached {
         refuse(*piece, reason.clone())?;
     }
@@ -144,9 +162,11 @@ pub fn mill(cut: &CutMesh, strips: &Strips, options: &Options, monitor: &Monitor
         let [name, reason] = refused.first().cloned().unwrap_or_else(|| ["-".into(), "there is nothing to cut".into()]);
         return Err(MillError::Piece { name, reason });
     }
-    let moves = path::moves(cut, &plan, &guard, options, monitor)?;
-    let pieces: Vec<PieceId> = good.into_iter().filter(|it| plan.runs.iter().any(|run| run.piece == *it)).collect();
-    Ok(assemble(cut, &pieces, &body, &plan, moves, refused, options, monitor)?)
+    let (moves, swept) = program(cut, strips, &body, &guard, &mut plan, options, monitor)?;
+    let pieces: Vec<PieceId> = good.into_iter().filter(|it| moves.iter().any(|made| made.piece == *it)).collect();
+    let mut out = assemble(cut, &pieces, &body, &plan, &guard, (moves, swept), options, monitor)?;
+    (out.refused, out.tight) = (refused, tight);
+    Ok(out)
 }
 
 fn wanted(cut: &CutMesh, names: &[String]) -> Result<Vec<PieceId>, MillError> {
@@ -163,17 +183,72 @@ fn wanted(cut: &CutMesh, names: &[String]) -> Result<Vec<PieceId>, MillError> {
     names.iter().map(find).collect()
 }
 
-/// Why a piece cannot be cut along its rulings with this cutter.
-fn unfit(cut: &CutMesh, strips: &Strips, piece: PieceId, options: &Options) -> Option<String> {
+/// The blocks of a plan and what their sweep finds. Where it shows that too much is left, lower levels are cut as well.
+fn program(
+    cut: &CutMesh,
+    strips: &Strips,
+    body: &Body,
+    guard: &Guard<'_>,
+    plan: &mut plan::Plan<'_>,
+    options: &Options,
+    monitor: &Monitor,
+) -> Result<(Vec<MillMove>, Swept), MillError> {
+    let points = &body.samples.points;
+    let panels = Panels::new(strips);
+    let mut proof = Proof::new(cut, body, plan, options);
+    let mut runs = std::mem::take(&mut plan.runs);
+    let mut moves = Vec::new();
+    let mut round = 0;
+    while !runs.is_empty() {
+        path::extend(&mut moves, &runs, plan, (cut, guard), options, monitor)?;
+        proof.advance(&moves, monitor)?;
+        if round == ROUNDS {
+            break;
+        }
+        round += 1;
+        let swept = proof.swept();
+        let is_high = |i: &usize| swept.passed[*i] && swept.highest[*i] > 0.9 * options.excess;
+        let high = (0..points.len()).filter(is_high).map(|i| points[i]);
+        runs = plan.finer(&panels.at(high), cut, guard, options, monitor)?;
+    }
+    Ok((moves, proof.swept()))
+}
+
+/// Rounds in which what the sweep finds too high is cut in lower levels.
+const ROUNDS: usize = 3;
+
+/// The panels of all strips, to be found by place.
+struct Panels {
+    tree: Option<(Bvh, Vec<usize>)>,
+}
+
+impl Panels {
+    fn new(strips: &Strips) -> Self {
+        Self { tree: strips.mesh().map(|(mesh, panels)| (Bvh::new(&mesh), panels)) }
+    }
+
+    /// Numbers of the panels next to places.
+    fn at(&self, places: impl Iterator<Item = Vec3>) -> BTreeSet<usize> {
+        let Some((tree, panels)) = &self.tree else { return BTreeSet::new() };
+        places.map(|p| panels[tree.closest(p).face.index()]).collect()
+    }
+}
+
+/// A piece is not cut when its cutter is too large for more than this share of it.
+const MOST_TIGHT: f64 = 0.5;
+
+/// Why a piece, or a share of it, cannot be cut along its rulings with this cutter.
+fn unfit(cut: &CutMesh, strips: &Strips, piece: PieceId, options: &Options) -> Option<Tight> {
+    let all = |reason: &str| Some(Tight { share: 1.0, reason: reason.into() });
     match strips.ruled[piece] {
         Ruled::Yes => tell::too_tight(cut, strips, piece, options.tool.widest(), options.excess),
         Ruled::Flat => {
-            Some("is flat, so it has no rulings to set the side of a cutter along; face it with the end of one".into())
+            all("is flat, so it has no rulings to set the side of a cutter along; face it with the end of one")
         }
         Ruled::Unreliable => {
-            Some("has no reliable rulings; develop it further, or cut it smaller, before its side can be milled".into())
+            all("has no reliable rulings; develop it further, or cut it smaller, before its side can be milled")
         }
-        Ruled::Unsolved => Some("has no rulings: they could not be found in its flat shape".into()),
+        Ruled::Unsolved => all("has no rulings: they could not be found in its flat shape"),
     }
 }
 
@@ -247,32 +322,67 @@ fn samples(mesh: &TriMesh, cut: &dyn Fn(FaceId) -> bool, options: &Options) -> B
     Body { samples: Samples::of_points(points, faces), painted, middles, areas }
 }
 
-/// Sweeps the whole program and puts the result together.
+/// Gouge, excess and coverage, face by face what a ball of the cutter's radius leaves; returns the area to be cut, mm².
+fn measure(
+    out: &mut Milling,
+    cut: &CutMesh,
+    body: &Body,
+    guard: &Guard<'_>,
+    swept: &Swept,
+    mine: &Field<FaceId, bool>,
+    monitor: &Monitor,
+) -> Result<f64, Cancelled> {
+    let (points, faces) = (&body.samples.points, &body.samples.faces);
+    let limit = out.limits[1];
+    let (mut total, mut covered, mut unfit) = (0.0, 0.0, 0.0);
+    let mut closing = vec![0.0; points.len()];
+    for (i, p) in points.iter().enumerate() {
+        out.gouge.meet(-swept.lowest[i], *p);
+        if !mine[faces[i]] {
+            continue;
+        }
+        total += body.areas[i];
+        if !swept.passed[i] {
+            continue;
+        }
+        covered += body.areas[i];
+        if swept.highest[i] > limit {
+            monitor.check()?;
+            closing[i] = guard.closing(*p, cut.mesh.normal(faces[i]));
+            if closing[i] > limit / 2.0 {
+                out.unfit.meet(closing[i], *p);
+                unfit += body.areas[i];
+            }
+        }
+        out.excess.meet(swept.highest[i] - closing[i], *p);
+    }
+    for (slot, i) in out.closing.iter_mut().zip(&body.middles) {
+        *slot = i.map_or(0.0, |i| closing[i]);
+    }
+    let total = f64::max(total, f64::MIN_POSITIVE);
+    (out.covered, out.unfit_share) = (covered / total, unfit / total);
+    Ok(total)
+}
+
+/// Parts of strips below this share of the area that is to be cut are not told of.
+const LEAST_LEFT: f64 = 1e-4;
+
+/// Puts the result together, but for what was refused.
 #[allow(clippy::too_many_arguments, reason = "everything that the result tells of")]
 fn assemble(
     cut: &CutMesh,
     pieces: &[PieceId],
     body: &Body,
     plan: &plan::Plan<'_>,
-    moves: Vec<MillMove>,
-    refused: Vec<[String; 2]>,
+    guard: &Guard<'_>,
+    (moves, swept): (Vec<MillMove>, Swept),
     options: &Options,
     monitor: &Monitor,
 ) -> Result<Milling, Cancelled> {
-    let mine = Field::<FaceId, bool>::from_fn(cut.mesh.face_count(), |f| pieces.contains(&cut.piece_of[f]));
-    let swept = path::Program { moves: &moves, cut, body, plan, options }.sweep(monitor)?;
-    let deviation = body.middles.iter().map(|it| it.filter(|&i| swept.passed[i]).map(|i| swept.shown(i))).collect();
-    let deepest = |depth: &dyn Fn(usize) -> f64| {
-        let mut out = Deepest::default();
-        body.samples.points.iter().enumerate().for_each(|(i, p)| out.meet(depth(i), *p));
-        out
-    };
-    let left = |i: usize| if swept.passed[i] && mine[body.samples.faces[i]] { swept.highest[i] } else { 0.0 };
-    let area = |wanted: &dyn Fn(usize) -> bool| -> f64 {
-        let every = body.areas.iter().enumerate();
-        every.filter(|(i, _)| mine[body.samples.faces[*i]] && wanted(*i)).map(|it| it.1).sum()
-    };
-    Ok(Milling {
+    let mesh = &cut.mesh;
+    let mine = Field::<FaceId, bool>::from_fn(mesh.face_count(), |f| pieces.contains(&cut.piece_of[f]));
+    let samples = &body.samples;
+    let mut out = Milling {
         axes: options.machine.letters(),
         setup: plan.setup,
         tool: options.tool,
@@ -281,15 +391,35 @@ fn assemble(
         segments: moves.iter().map(|it| it.segment + 1).max().unwrap_or(0) as usize,
         moves,
         pieces: pieces.iter().map(|&it| cut.pieces[it].name.clone()).collect(),
-        refused,
+        refused: vec![],
+        tight: vec![],
+        left: vec![],
         painted: Box::new(body.painted.clone()),
-        deviation,
-        covered: area(&|i| swept.passed[i]) / area(&|_| true).max(f64::MIN_POSITIVE),
-        gouge: deepest(&|i| -swept.lowest[i]),
-        excess: deepest(&left),
+        deviation: body.middles.iter().map(|it| it.filter(|&i| swept.passed[i]).map(|i| swept.shown(i))).collect(),
+        closing: vec![0.0; body.middles.len()],
+        covered: 0.0,
+        gouge: Deepest::default(),
+        excess: Deepest::default(),
+        unfit: Deepest::default(),
+        unfit_share: 0.0,
         collision: swept.collision,
         limits: [options.gouge, options.excess],
-    })
+    };
+    let total = measure(&mut out, cut, body, guard, &swept, &mine, monitor)?;
+    // What bars the way round of one strip may be cut from another: no more is left of a piece than nothing passed.
+    let uncut = |piece: PieceId| -> f64 {
+        let all = (0..samples.points.len()).filter(|&i| cut.piece_of[samples.faces[i]] == piece && !swept.passed[i]);
+        all.map(|i| body.areas[i]).sum()
+    };
+    for it in &plan.left {
+        let area = it.area.min(uncut(it.piece));
+        if area > LEAST_LEFT * total {
+            let (piece, strip, reason) = (cut.pieces[it.piece].name.clone(), it.strip, it.reason.clone());
+            out.left.push(StripLeft { piece, strip, area, reason });
+        }
+    }
+    out.left.sort_by(|a, b| b.area.total_cmp(&a.area));
+    Ok(out)
 }
 
 /// The block that the body stands on, in work coordinates.
@@ -315,21 +445,4 @@ fn placed(mesh: &TriMesh, rows: [Vec3; 3], options: &Options) -> Setup {
     let foot = Vec3::new((bounds.min.x + bounds.max.x) / 2.0, (bounds.min.y + bounds.max.y) / 2.0, bounds.min.z);
     let top = options.table + Vec3::new(0.0, 0.0, options.fixture.z);
     Setup { rows, shift: top - foot }
-}
-
-/// What the sweeps of a program find.
-struct Swept {
-    /// Smallest and largest clearance that one of the sweeps leaves on each sample, mm; what is cut into is negative.
-    lowest: Vec<f64>,
-    highest: Vec<f64>,
-    /// Whether the line of contact passed over the sample in all of them.
-    passed: Vec<bool>,
-    collision: Deepest,
-}
-
-impl Swept {
-    /// The one figure of a sample for a picture: a cut before what is left.
-    fn shown(&self, i: usize) -> f64 {
-        if self.lowest[i] < 0.0 { self.lowest[i] } else { self.highest[i] }
-    }
 }

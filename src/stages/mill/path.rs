@@ -1,21 +1,17 @@
-//! From runs to blocks: refined postures, ways in and out, several depths, links, times; and the sweep of the whole.
+//! From runs to blocks: refined postures, ways in and out, several depths, links, times.
 use std::f64::consts::FRAC_PI_2;
 
 use super::{
-    Body, Machine, MillError, Options, Swept,
+    Machine, MillError, Options,
     guard::{Guard, in_box},
     kinematics::Beyond,
-    machine::Between,
-    plan::{Plan, Run, at_work},
+    plan::{Left, Plan, Run, at_work},
     posture::Posture,
     tell,
 };
 use crate::{
     geom::{Box3, Vec3, angle_between},
-    mesh::{
-        FaceId,
-        sweep::{Deepest, Pose, Sweep},
-    },
+    mesh::sweep::Pose,
     model::{CutMesh, MillMove, PieceId, Setup},
     numeric::{Cancelled, Monitor},
 };
@@ -28,8 +24,6 @@ const TRIED: [f64; 3] = [0.25, 0.5, 0.75];
 const RAMP: f64 = 0.35;
 /// Largest turn of one block of a link, radians.
 const LINK: f64 = 0.17;
-/// Steps per block of the sweep that verifies the program.
-pub(super) const SUBSTEPS: usize = 12;
 
 /// A posture of a run with its joints.
 #[derive(Clone)]
@@ -49,38 +43,56 @@ struct Stop {
 /// Heights of a cutter that touches nothing.
 const CLEAR: [f64; 2] = [0.0, -1.0];
 
-/// All blocks of the program.
-pub(super) fn moves(
+/// Adds the blocks of some runs to a program. Of pieces that were not asked for, stretches that the machine lacks travel for
+/// are added to what is left of `plan`.
+pub(super) fn extend(
+    out: &mut Vec<MillMove>,
+    runs: &[Run<'_>],
+    plan: &mut Plan<'_>,
+    (cut, guard): (&CutMesh, &Guard<'_>),
+    options: &Options,
+    monitor: &Monitor,
+) -> Result<(), MillError> {
+    for (i, run) in runs.iter().enumerate() {
+        monitor.progress(i as f64 / runs.len() as f64, "paths");
+        match cut_along(run, cut, plan, guard, options, out, monitor) {
+            Ok(()) => {}
+            Err(Stopped::Cancelled(it)) => return Err(it.into()),
+            Err(Stopped::Beyond(t, it)) => {
+                let reason = tell::beyond(run.curve.band, t, &it);
+                if !options.pieces.is_empty() {
+                    return Err(MillError::Piece { name: cut.pieces[run.piece].name.clone(), reason });
+                }
+                let (piece, strip) = (run.piece, run.curve.band.strip);
+                plan.left.push(Left { piece, strip, area: run.area(), reason });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Adds the blocks of one run.
+fn cut_along(
+    run: &Run<'_>,
     cut: &CutMesh,
     plan: &Plan<'_>,
     guard: &Guard<'_>,
     options: &Options,
+    out: &mut Vec<MillMove>,
     monitor: &Monitor,
-) -> Result<Vec<MillMove>, MillError> {
-    let mut out: Vec<MillMove> = Vec::new();
-    let mut segment = 0;
-    for (i, run) in plan.runs.iter().enumerate() {
-        monitor.progress(i as f64 / plan.runs.len() as f64, "paths");
-        let fault = |t: f64, it: Beyond| {
-            let line = run.curve.band.line(t.clamp(0.0, run.curve.band.end()));
-            let ends = line.map_or([Vec3::zeros(); 2], |it| [it.p, it.q]);
-            let reason = tell::beyond(run.curve.band.strip, ends, &it);
-            MillError::Piece { name: cut.pieces[run.piece].name.clone(), reason }
-        };
-        let from = out.last().map(|it| it.joints.clone());
-        let stations = refined(run, cut, plan, guard, options, from.as_deref(), monitor)
-            .map_err(|it| it.map_or_else(|t| fault(t.0, t.1), MillError::Cancelled))?;
-        // A block that the body is in the way of is left out.
-        let passes = stations.chunk_by(|a, b| clear(a, b, &plan.setup, guard, options)).filter(|it| it.len() > 1);
-        for (pass, offset) in passes.flat_map(|it| offsets(options).into_iter().map(move |offset| (it, offset))) {
-            let stops = stops(run, pass, offset, guard, &plan.setup, options);
-            let before = out.last().map(|it| it.pose);
-            let linked = link(before, stops, plan, cut, options);
-            push(&mut out, linked, (segment, run.piece), options).map_err(|it| fault(run.stations[0], it))?;
-            segment += 1;
-        }
+) -> Result<(), Stopped> {
+    let from = out.last().map(|it| it.joints.clone());
+    let stations = refined(run, cut, plan, guard, options, from.as_deref(), monitor)?;
+    // A block that the body is in the way of is left out.
+    let passes = stations.chunk_by(|a, b| clear(a, b, plan, guard, options)).filter(|it| it.len() > 1);
+    for (pass, offset) in passes.flat_map(|it| offsets(options).into_iter().map(move |offset| (it, offset))) {
+        let stops = stops(run, pass, offset, guard, plan, options);
+        let before = out.last().map(|it| it.pose);
+        let linked = link(before, stops, plan, cut, options);
+        let segment = out.last().map_or(0, |it| it.segment + 1);
+        push(out, linked, (segment, run.piece), options).map_err(|it| Stopped::Beyond(run.stations[0], it))?;
     }
-    Ok(out)
+    Ok(())
 }
 
 /// What is left on the surface after each pass: from the stock down to nothing.
@@ -98,19 +110,6 @@ enum Stopped {
 impl From<Cancelled> for Stopped {
     fn from(it: Cancelled) -> Self {
         Self::Cancelled(it)
-    }
-}
-
-impl Stopped {
-    fn map_or_else(
-        self,
-        beyond: impl FnOnce((f64, Beyond)) -> MillError,
-        cancelled: impl FnOnce(Cancelled) -> MillError,
-    ) -> MillError {
-        match self {
-            Self::Beyond(t, it) => beyond((t, it)),
-            Self::Cancelled(it) => cancelled(it),
-        }
     }
 }
 
@@ -148,7 +147,11 @@ fn refined(
                 continue;
             };
             let pose = at_work(&posture.pose, setup);
-            let joints = options.machine.nearest(&pose, &last.joints).map_err(|it| Stopped::Beyond(t, it))?;
+            // Between joints that can be reached others can be, if not on the surface.
+            let Ok(joints) = options.machine.nearest(&pose, &last.joints) else {
+                out.push(next);
+                continue;
+            };
             open.push((next, left - 1));
             open.push((Station { t, posture, joints }, left - 1));
         }
@@ -183,10 +186,16 @@ fn keeps(a: &Station, b: &Station, setup: &Setup, guard: &Guard<'_>, options: &O
     depths(a, b, &TRIED, setup, guard, options).all(|it| -limit <= it && it <= limit)
 }
 
-/// Whether the cutter keeps out of the body between two stations.
-fn clear(a: &Station, b: &Station, setup: &Setup, guard: &Guard<'_>, options: &Options) -> bool {
+/// Whether the cutter keeps out of the body and of the block between two stations.
+fn clear(a: &Station, b: &Station, plan: &Plan<'_>, guard: &Guard<'_>, options: &Options) -> bool {
     const EIGHTHS: [f64; 7] = [0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875];
-    depths(a, b, &EIGHTHS, setup, guard, options).all(|it| it <= 0.9 * options.gouge)
+    let is_free = |it: &Station| match options.machine {
+        Machine::Mill(_) => {
+            in_box(&guard.drawn_back(), &at_work(&it.posture.pose, &plan.setup), &plan.fixture).is_none()
+        }
+        Machine::Wire(_) => true,
+    };
+    is_free(a) && is_free(b) && depths(a, b, &EIGHTHS, &plan.setup, guard, options).all(|it| it <= 0.75 * options.gouge)
 }
 
 /// A stretch at an offset with its ways in and out.
@@ -195,33 +204,45 @@ fn stops(
     stations: &[Station],
     offset: f64,
     guard: &Guard<'_>,
-    setup: &Setup,
+    plan: &Plan<'_>,
     options: &Options,
 ) -> Vec<Stop> {
     let stop = |pose: &Pose, contact: [f64; 2]| {
-        let (own, heights) = options.machine.own(at_work(pose, setup), contact);
+        let (own, heights) = options.machine.own(at_work(pose, &plan.setup), contact);
         Stop { rapid: false, pose: own, contact: if contact == CLEAR { CLEAR } else { heights } }
     };
     let cut = |it: &Posture| Pose { tip: it.pose.tip + it.out * offset, axis: it.pose.axis };
     let (first, last) = (&stations[0].posture, &stations[stations.len() - 1].posture);
-    let mut out = vec![stop(&way_off(run, first, offset, -1.0, guard, options), CLEAR)];
+    let mut out = vec![stop(&way_off(run, first, [offset, -1.0], guard, plan, options), CLEAR)];
     // The contact begins at the first station.
     out.push(stop(&cut(first), CLEAR));
     out.extend(stations[1..].iter().map(|it| stop(&cut(&it.posture), it.posture.contact)));
-    out.push(stop(&way_off(run, last, offset, 1.0, guard, options), CLEAR));
+    out.push(stop(&way_off(run, last, [offset, 1.0], guard, plan, options), CLEAR));
     out
 }
 
 /// Where the way off the surface ends, on one side of a posture: along the surface where that is clear of the body, else
 /// steeper, else straight back along the axis.
-fn way_off(run: &Run<'_>, it: &Posture, offset: f64, side: f64, guard: &Guard<'_>, options: &Options) -> Pose {
+fn way_off(
+    run: &Run<'_>,
+    it: &Posture,
+    [offset, side]: [f64; 2],
+    guard: &Guard<'_>,
+    plan: &Plan<'_>,
+    options: &Options,
+) -> Pose {
     /// Shares of the way that are tried.
     const TRIED: u32 = 8;
     let (along, lead) = (run.curve.travel(it) * side, options.lead);
     let base = Pose { tip: it.pose.tip + it.out * offset, axis: it.pose.axis };
     let moved = |by: Vec3| Posture { pose: Pose { tip: base.tip + by, axis: base.axis }, ..*it };
     let ways = [along * lead + it.out * (RAMP * lead), (along + it.out) * (lead / 2.0), it.out * (lead / 2.0)];
-    let clear = |way: &&Vec3| (1..=TRIED).all(|k| guard.is_clear(&moved(**way * (f64::from(k) / f64::from(TRIED)))));
+    let tool = guard.drawn_back();
+    let is_clear = |it: &Posture| {
+        let over_block = || in_box(&tool, &at_work(&it.pose, &plan.setup), &plan.fixture).is_none();
+        guard.is_clear(it) && (matches!(options.machine, Machine::Wire(_)) || over_block())
+    };
+    let clear = |way: &&Vec3| (1..=TRIED).all(|k| is_clear(&moved(**way * (f64::from(k) / f64::from(TRIED)))));
     ways.iter().find(clear).map_or(base, |way| moved(*way).pose)
 }
 
@@ -262,12 +283,20 @@ fn raised(pose: &Pose, center: Vec3, radius: f64) -> Pose {
     Pose { tip: pose.at(way.max(0.0)), axis: pose.axis }
 }
 
-/// Poses over the sphere from one to another, by way of its top when they are far apart.
+/// Poses over the sphere from one to another. The tool turns halfway between away from the sphere and up (its shank stays
+/// beyond the plane that touches the sphere at the tip, and no machine has to turn farther), goes along the sphere, by way
+/// of its top when the two are far apart, and turns to where it is needed.
 fn over(from: &Pose, to: &Pose, center: Vec3) -> impl Iterator<Item = Pose> {
     let radius = (from.tip - center).norm().max((to.tip - center).norm());
     let top = Pose { tip: center + Vec3::z() * radius, axis: Vec3::z() };
-    let far = angle_between(from.tip - center, to.tip - center) > FRAC_PI_2 / 2.0;
-    let way = if far { vec![*from, top, *to] } else { vec![*from, *to] };
+    let upright = |it: &Pose| {
+        let up = (it.tip - center).try_normalize(0.0).unwrap_or_else(Vec3::z) + Vec3::z();
+        Pose { tip: it.tip, axis: up.try_normalize(1e-6).unwrap_or(it.axis) }
+    };
+    let mut way = vec![*from, upright(from), upright(to), *to];
+    if angle_between(from.tip - center, to.tip - center) > FRAC_PI_2 / 2.0 {
+        way.insert(2, top);
+    }
     let steps = move |a: Pose, b: Pose| {
         let (u, v) = (a.tip - center, b.tip - center);
         let turn = angle_between(u, v).max(angle_between(a.axis, b.axis));
@@ -314,68 +343,4 @@ fn push(
         });
     }
     Ok(())
-}
-
-/// A finished program and what it is swept past.
-pub(super) struct Program<'a> {
-    pub(super) moves: &'a [MillMove],
-    pub(super) cut: &'a CutMesh,
-    pub(super) body: &'a Body,
-    pub(super) plan: &'a Plan<'a>,
-    pub(super) options: &'a Options,
-}
-
-impl Program<'_> {
-    /// Sweeps the program past the body in every way that a controller may move between its blocks. What one of the ways
-    /// cuts into is cut into, what one of them leaves is left, and only what all of them pass is passed.
-    pub(super) fn sweep(&self, monitor: &Monitor) -> Result<Swept, Cancelled> {
-        let count = self.body.samples.points.len();
-        let mut out = Swept {
-            lowest: vec![f64::INFINITY; count],
-            highest: vec![f64::NEG_INFINITY; count],
-            passed: vec![true; count],
-            collision: Deepest::default(),
-        };
-        for &way in self.options.machine.ways() {
-            let Sweep { clearance, passed, collision, .. } = self.sweep_one(way, monitor)?;
-            for (i, &it) in clearance.iter().enumerate() {
-                out.lowest[i] = out.lowest[i].min(it);
-                out.highest[i] = out.highest[i].max(it);
-                out.passed[i] &= passed[i];
-            }
-            out.collision.meet(collision.depth, collision.place);
-        }
-        Ok(out)
-    }
-
-    /// One of the ways, with the fixture among what it collides with.
-    fn sweep_one(&self, way: Between, monitor: &Monitor) -> Result<Sweep<'_>, Cancelled> {
-        let Self { moves, cut, body, plan, options } = *self;
-        let band = options.tool.radius.max(2.0 * options.excess);
-        let setup = &plan.setup;
-        let in_body = |pose: &Pose| Pose { tip: setup.back(pose.tip), axis: setup.turn_back(pose.axis) };
-        let mut sweep = Sweep::new(&body.samples, options.tool, band);
-        let mut hit = Deepest::default();
-        for (i, w) in moves.windows(2).enumerate() {
-            monitor.check()?;
-            if i % 64 == 0 {
-                monitor.progress(i as f64 / moves.len() as f64, "sweep");
-            }
-            let ends = ((&w[0].pose, w[0].joints.as_slice()), (&w[1].pose, w[1].joints.as_slice()));
-            let facing = |f: FaceId| (cut.piece_of[f] == w[1].piece).then(|| cut.mesh.normal(f));
-            let mut last = in_body(&w[0].pose);
-            for k in 1..=SUBSTEPS {
-                let pose = options.machine.between(way, ends.0, ends.1, k as f64 / SUBSTEPS as f64);
-                if let (Machine::Mill(_), Some(place)) = (&options.machine, in_box(&options.tool, &pose, &plan.fixture))
-                {
-                    hit.meet(options.tool.radius, setup.back(place));
-                }
-                let next = in_body(&pose);
-                sweep.step(&last, &next, w[1].contact, &facing);
-                last = next;
-            }
-        }
-        sweep.collision.meet(hit.depth, hit.place);
-        Ok(sweep)
-    }
 }

@@ -1,123 +1,24 @@
 //! Which way the body stands, which way round the cutter is, and which rulings it reaches.
-use std::sync::Arc;
+use std::collections::BTreeSet;
 
 use super::{
-    Machine, MillError, Options, fixture,
+    Machine, MillError, Options,
+    curve::Curve,
+    fixture,
     guard::{Guard, Obstacle, in_box},
     kinematics::Beyond,
+    levels::Trial,
     lines::Band,
     placed,
-    posture::{Line, Posture, largest_step, posture},
+    posture::{Line, Posture, largest_step},
     standing, tell,
 };
 use crate::{
     geom::{Box3, Vec3, angle_between},
-    mesh::{
-        FaceId,
-        sweep::{Pose, Tool},
-    },
+    mesh::sweep::Pose,
     model::{CutMesh, PieceId, Setup},
     numeric::{Cancelled, Monitor},
 };
-
-/// A strip as a path of postures, in coordinates of the body.
-#[derive(Clone)]
-pub(super) struct Curve<'a> {
-    pub(super) piece: PieceId,
-    pub(super) band: &'a Band<'a>,
-    /// Whether the tip is at the end Q of the rulings.
-    flip: bool,
-    overhang: f64,
-    /// Rulings longer than the cutting edges are cut in levels: which one from P on, of how many.
-    level: [usize; 2],
-    /// How far the rulings are turned in the surface, radians, at [`PER_PANEL`] stations a panel and at the end.
-    turns: Arc<[f64]>,
-}
-
-/// Stations of a panel at which rulings are turned.
-const PER_PANEL: usize = 4;
-/// Rulings are turned by at most this, radians: those of a coarse decomposition are a few degrees off.
-const MOST_TURN: f64 = 0.24;
-/// Angles tried on either side.
-const TRIED: i32 = 4;
-/// What the largest turn costs, mm of hollow: where nothing bends, rulings stay as they are.
-const TURN_COST: f64 = 0.002;
-
-impl Curve<'_> {
-    /// The posture at a parameter, settled on the body. Below 0 and beyond the end it counts millimetres over the surface.
-    pub(super) fn at(&self, t: f64, cut: &CutMesh, guard: &Guard<'_>) -> Result<Posture, Obstacle> {
-        let inside = t.clamp(0.0, self.band.end());
-        let own = |f: FaceId| cut.piece_of[f] == self.piece;
-        let line = self.line(inside, guard, &own).ok_or(Obstacle::Nothing)?;
-        let length = (line.q - line.p).norm() + self.overhang;
-        let raised = length * self.level[0] as f64 / self.level[1] as f64;
-        let mut wanted = posture(&line, &guard.tool, self.overhang - raised, 0.0, 0.5);
-        wanted.contact = wanted.contact.map(|h| h.clamp(0.0, guard.tool.flute));
-        wanted.pose.tip += self.travel(&wanted) * (t - inside);
-        guard.settle(&wanted, &own)
-    }
-
-    /// The ruling at a parameter, turned in the surface and as long as the piece is there.
-    fn line(&self, t: f64, guard: &Guard<'_>, own: &dyn Fn(FaceId) -> bool) -> Option<Line> {
-        let line = self.band.line(t)?;
-        let place = t * PER_PANEL as f64;
-        let k = (place as usize).min(self.turns.len().saturating_sub(2));
-        let turn = match self.turns.get(k..k + 2) {
-            Some(&[a, b]) => a + (b - a) * (place - k as f64),
-            _ => 0.0,
-        };
-        let line = if turn == 0.0 { line } else { turned(&line, turn, guard, own) };
-        Some(if self.flip { line.flipped() } else { line })
-    }
-
-    /// Direction of travel over the surface.
-    pub(super) fn travel(&self, posture: &Posture) -> Vec3 {
-        if self.flip { -posture.across } else { posture.across }
-    }
-}
-
-/// A ruling turned about its middle in the surface, as long as the piece is there.
-fn turned(line: &Line, turn: f64, guard: &Guard<'_>, own: &dyn Fn(FaceId) -> bool) -> Line {
-    let (a, m, middle) = (line.direction(), line.normal(), (line.p + line.q) / 2.0);
-    let along = a * turn.cos() + a.cross(&m) * turn.sin();
-    // Half as long again, so that a ruling that turns towards a corner can grow.
-    let most = 0.75 * (line.q - line.p).norm() + 1.0;
-    let [before, after] = guard.extent(middle, along, m, most, own);
-    Line { p: middle - along * before.max(0.05), q: middle + along * after.max(0.05), normals: line.normals }
-}
-
-/// For every station of a strip the turn about its normal that leaves least under the cutter, smoothed along the strip.
-fn turns(band: &Band<'_>, cut: &CutMesh, piece: PieceId, guard: &Guard<'_>) -> Arc<[f64]> {
-    let own = |f: FaceId| cut.piece_of[f] == piece;
-    let count = band.end() as usize * PER_PANEL + 1;
-    let best = |k: usize| {
-        let Some(line) = band.line((k as f64 / PER_PANEL as f64).min(band.end())) else { return 0.0 };
-        let long = Tool { flute: (line.q - line.p).norm() + 1.0, ..guard.tool };
-        let probe = Guard { tool: long, ..*guard };
-        let cost = |turn: f64| {
-            let line = turned(&line, turn, &probe, &own);
-            let posture = posture(&line, &long, 0.0, 0.0, 0.5);
-            probe.hollow(&posture, &own) + TURN_COST * (turn / MOST_TURN).powi(2)
-        };
-        let step = MOST_TURN / f64::from(TRIED);
-        let costs: Vec<f64> = (-TRIED..=TRIED).map(|i| cost(step * f64::from(i))).collect();
-        let least = (0..costs.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).expect("several were tried");
-        let at = (least as f64 - f64::from(TRIED)) * step;
-        // The bottom of the parabola through it and its neighbours.
-        match costs.get(least.wrapping_sub(1)..least + 2) {
-            Some(&[a, b, c]) if a + c > 2.0 * b => at + 0.5 * step * (a - c) / (a + c - 2.0 * b),
-            _ => at,
-        }
-    };
-    let mut out: Vec<f64> = (0..count).map(best).collect();
-    for _ in 0..2 {
-        let before = out.clone();
-        for k in 0..count {
-            out[k] = (before[k.saturating_sub(1)] + 2.0 * before[k] + before[(k + 1).min(count - 1)]) / 4.0;
-        }
-    }
-    out.into()
-}
 
 /// A stretch of a strip that is cut without a lift.
 pub(super) struct Run<'a> {
@@ -135,27 +36,30 @@ pub(super) struct Plan<'a> {
     pub(super) runs: Vec<Run<'a>>,
     /// Pieces that cannot be reached, with the reason.
     pub(super) unreached: Vec<(PieceId, String)>,
+    /// What is left out of the others.
+    pub(super) left: Vec<Left>,
+    /// The strips of all pieces.
+    trials: Vec<Trial<'a>>,
 }
 
 /// Postures are never farther apart than this before they are refined, mm.
 const MOST_STEP: f64 = 4.0;
 
 /// Why a posture cannot be.
-enum Bar {
+pub(super) enum Bar {
     Obstacle(Obstacle),
     Beyond(Beyond),
 }
 
-/// A strip with the cutter one way round, its levels from Q on, and a few postures of them, settled or barred.
-struct Trial<'a> {
-    curves: Vec<Curve<'a>>,
-    postures: Vec<Result<Posture, Obstacle>>,
-}
-
-impl Trial<'_> {
-    fn piece(&self) -> PieceId {
-        self.curves[0].piece
-    }
+/// What a strip has of rulings that cannot be cut.
+pub(super) struct Left {
+    pub(super) piece: PieceId,
+    /// Number of the strip in its piece, from 0.
+    pub(super) strip: u32,
+    /// mm², about.
+    pub(super) area: f64,
+    /// For people.
+    pub(super) reason: String,
 }
 
 pub(super) fn plan<'a>(
@@ -165,32 +69,38 @@ pub(super) fn plan<'a>(
     options: &Options,
     monitor: &Monitor,
 ) -> Result<Plan<'a>, MillError> {
-    let mut trials: Vec<Vec<Trial<'a>>> = Vec::new();
+    let mut trials: Vec<Trial<'a>> = Vec::new();
+    let count: usize = bands.iter().map(|it| it.1.len()).sum();
     for (piece, bands) in bands {
         for band in bands {
             monitor.check()?;
-            trials.push(ways_round(*piece, band, cut, guard, options));
+            monitor.progress(trials.len() as f64 / count as f64, "rulings");
+            trials.push(Trial::new(*piece, band, cut, guard, options));
         }
     }
-    let setups = setups(cut, &trials, options);
-    let bars = |trial: &Trial<'_>, setup: &Setup| {
-        trial.postures.iter().filter(|it| barred(it.as_ref(), setup, options).is_some()).count()
+    let block = fixture(options);
+    // The setup that bars least; of several, the first.
+    let cost = |setup: &Setup| {
+        trials.iter().map(|it| it.barred(&|found| barred(found, setup, &block, guard, options).is_some())).sum()
     };
-    // The setup that bars fewest postures; of several, the first.
-    let cost = |setup: &Setup| -> usize {
-        trials.iter().map(|it| it.iter().map(|trial| bars(trial, setup)).min().unwrap_or(0)).sum()
-    };
-    let setup = setups.into_iter().min_by_key(cost).expect("there is a setup for every direction that may be up");
-    let mut plan = Plan { setup, fixture: fixture(options), runs: vec![], unreached: vec![] };
+    let costs: Vec<(Setup, f64)> = setups(cut, &trials, options).into_iter().map(|it| (it, cost(&it))).collect();
+    let best =
+        costs.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)).expect("a setup for every direction that may be up");
+    let setup = best.0;
+    let mut plan = Plan { setup, fixture: block, runs: vec![], unreached: vec![], left: vec![], trials: vec![] };
     for (piece, _) in bands {
         monitor.check()?;
-        let of_piece = trials.iter().filter(|it| it.first().is_some_and(|it| it.piece() == *piece));
-        let chosen = of_piece.filter_map(|it| it.iter().min_by_key(|trial| bars(trial, &setup)));
         let mut runs = Vec::new();
         let mut bar = None;
-        for trial in chosen {
-            for curve in &trial.curves {
-                match runs_of(curve, cut, guard, &setup, options, monitor)? {
+        for trial in trials.iter().filter(|it| it.piece == *piece) {
+            let bars = |found: Result<&Posture, &Obstacle>| barred(found, &setup, &block, guard, options);
+            let (curves, barred) = trial.curves(&bars, cut, guard);
+            if let Some((area, panel, why)) = barred {
+                let reason = reason(trial.band, panel, &why, &setup);
+                plan.left.push(Left { piece: *piece, strip: trial.band.strip, area, reason });
+            }
+            for curve in &curves {
+                match runs_of(curve, cut, guard, (&setup, &block), options, monitor)? {
                     Ok(found) => runs.extend(found),
                     Err(reason) => {
                         bar.get_or_insert(reason);
@@ -200,52 +110,51 @@ pub(super) fn plan<'a>(
         }
         match bar {
             Some(reason) => plan.unreached.push((*piece, reason)),
-            None if runs.is_empty() => plan.unreached.push((*piece, why(*piece, &trials, &setup, options))),
+            None if runs.is_empty() => plan.unreached.push((*piece, why(*piece, &plan.left))),
             None => plan.runs.extend(runs),
         }
     }
+    plan.left.retain(|it| plan.runs.iter().any(|run| run.piece == it.piece));
     plan.runs = in_order(plan.runs, cut, guard);
+    plan.trials = trials;
     Ok(plan)
 }
 
-/// Overhangs and directions to try, the preferred one first.
-fn ways_round<'a>(
-    piece: PieceId,
-    band: &'a Band<'a>,
-    cut: &CutMesh,
-    guard: &Guard<'_>,
-    options: &Options,
-) -> Vec<Trial<'a>> {
-    let middle = match options.machine {
-        Machine::Mill(_) => vec![options.overhang, 0.0],
-        // Half the wire lies on either side, however long the ruling.
-        Machine::Wire(_) => vec![guard.tool.flute / 3.0],
-    };
-    let stations: Vec<f64> = (0..2 * band.end() as usize).map(|k| 0.25 + 0.5 * k as f64).collect();
-    // Levels overlap by a tenth of the cutting edges.
-    let longest = stations.iter().filter_map(|&t| band.line(t)).map(|it| (it.q - it.p).norm()).fold(0.0, f64::max);
-    let levels = ((longest + options.overhang) / (0.9 * options.tool.flute)).ceil().max(1.0) as usize;
-    let turns = turns(band, cut, piece, guard);
-    let mut out = Vec::new();
-    for overhang in middle {
-        let is_free = |it: &Trial<'_>| it.postures.iter().all(Result::is_ok);
-        if out.iter().any(is_free) {
-            break;
+impl<'a> Plan<'a> {
+    /// Runs over panels, by their numbers, in twice as many levels as before.
+    pub(super) fn finer(
+        &mut self,
+        panels: &BTreeSet<usize>,
+        cut: &CutMesh,
+        guard: &Guard<'_>,
+        options: &Options,
+        monitor: &Monitor,
+    ) -> Result<Vec<Run<'a>>, Cancelled> {
+        let (setup, fixture) = (self.setup, self.fixture);
+        let bars = |found: Result<&Posture, &Obstacle>| barred(found, &setup, &fixture, guard, options);
+        let mut runs = Vec::new();
+        for trial in &mut self.trials {
+            for panel in panels.iter().filter_map(|&it| trial.band.place_of(it)).collect::<Vec<_>>() {
+                for curve in trial.finer(panel, &bars, cut, guard) {
+                    runs.extend(runs_of(&curve, cut, guard, (&setup, &fixture), options, monitor)?.unwrap_or_default());
+                }
+            }
         }
-        for flip in [false, true] {
-            let curve = |level| Curve { piece, band, flip, overhang, level, turns: turns.clone() };
-            let curves: Vec<_> = (0..levels).rev().map(|k| curve([k, levels])).collect();
-            let postures = curves.iter().flat_map(|it| stations.iter().map(|&t| it.at(t, cut, guard))).collect();
-            out.push(Trial { curves, postures });
-        }
+        Ok(in_order(runs, cut, guard))
     }
-    out
+}
+
+/// For people: why a part of a strip cannot be cut.
+fn reason(band: &Band<'_>, panel: usize, bar: &Bar, setup: &Setup) -> String {
+    match bar {
+        Bar::Obstacle(it) => tell::obstacle(it, setup),
+        Bar::Beyond(it) => tell::beyond(band, panel as f64 + 0.5, it),
+    }
 }
 
 /// Ways in which the body may lie.
-fn setups(cut: &CutMesh, trials: &[Vec<Trial<'_>>], options: &Options) -> Vec<Setup> {
-    let every =
-        || trials.iter().filter_map(|it| it.first()).flat_map(|it| &it.postures).filter_map(|it| it.as_ref().ok());
+fn setups(cut: &CutMesh, trials: &[Trial<'_>], options: &Options) -> Vec<Setup> {
+    let every = || trials.iter().flat_map(Trial::postures);
     if let Machine::Wire(wire) = &options.machine {
         let mut along = Vec3::zeros();
         let mut out = Vec3::zeros();
@@ -270,24 +179,24 @@ fn setups(cut: &CutMesh, trials: &[Vec<Trial<'_>>], options: &Options) -> Vec<Se
 }
 
 /// What bars a posture in a setup.
-fn barred(found: Result<&Posture, &Obstacle>, setup: &Setup, options: &Options) -> Option<Bar> {
+fn barred(
+    found: Result<&Posture, &Obstacle>,
+    setup: &Setup,
+    fixture: &Box3,
+    guard: &Guard<'_>,
+    options: &Options,
+) -> Option<Bar> {
     let posture = match found {
         Err(it) => return Some(Bar::Obstacle(*it)),
         Ok(it) => it,
     };
     let pose = at_work(&posture.pose, setup);
     if let Machine::Mill(_) = options.machine
-        && let Some(place) = in_box(&options.tool, &pose, &with_ways(&fixture(options), options))
+        && let Some(place) = in_box(&guard.drawn_back(), &pose, fixture)
     {
         return Some(Bar::Obstacle(Obstacle::Fixture(place)));
     }
     options.machine.along(&[pose], None).err().map(|it| Bar::Beyond(it.1))
-}
-
-/// A fixture grown sideways by the ways in and out.
-fn with_ways(fixture: &Box3, options: &Options) -> Box3 {
-    let side = Vec3::new(options.lead, options.lead, 0.0);
-    Box3 { min: fixture.min - side, max: fixture.max + side }
 }
 
 /// A pose in work coordinates.
@@ -300,7 +209,7 @@ fn runs_of<'a>(
     curve: &Curve<'a>,
     cut: &CutMesh,
     guard: &Guard<'_>,
-    setup: &Setup,
+    (setup, fixture): (&Setup, &Box3),
     options: &Options,
     monitor: &Monitor,
 ) -> Result<Result<Vec<Run<'a>>, String>, Cancelled> {
@@ -315,16 +224,12 @@ fn runs_of<'a>(
     for t in stations(curve, guard, options) {
         monitor.check()?;
         let found = curve.at(t, cut, guard);
-        match barred(found.as_ref(), setup, options) {
+        match barred(found.as_ref(), setup, fixture, guard, options) {
             None => open.push(t),
             Some(Bar::Obstacle(_)) => close(&mut open, &mut out),
             // Pieces that were asked for must be possible; of all pieces what is possible is cut.
             Some(Bar::Beyond(_)) if options.pieces.is_empty() => close(&mut open, &mut out),
-            Some(Bar::Beyond(it)) => {
-                let line = curve.band.line(t.clamp(0.0, curve.band.end()));
-                let ends = line.map_or([Vec3::zeros(); 2], |it| [it.p, it.q]);
-                return Ok(Err(tell::beyond(curve.band.strip, ends, &it)));
-            }
+            Some(Bar::Beyond(it)) => return Ok(Err(tell::beyond(curve.band, t, &it))),
         }
     }
     close(&mut open, &mut out);
@@ -333,9 +238,12 @@ fn runs_of<'a>(
 
 /// Parameters of postures so near to each other that the surface between them is hit, as far as its normals tell.
 fn stations(curve: &Curve<'_>, guard: &Guard<'_>, options: &Options) -> Vec<f64> {
+    /// How far a curve runs into the next panel of its strip, in shares of that.
+    const INTO: f64 = 0.1;
     let band = curve.band;
-    let mut out = vec![-options.overlap];
-    for k in 0..band.end() as usize {
+    let (first, last) = (curve.panels.start as f64, curve.panels.end as f64);
+    let mut out = vec![if first > 0.0 { first - INTO } else { -options.overlap }];
+    for k in curve.panels.clone() {
         let start = k as f64;
         let lines: Vec<_> = [0.0, 0.5, 1.0].iter().filter_map(|s| band.line((start + s).min(band.end()))).collect();
         let mut steps = 1.0_f64;
@@ -351,26 +259,29 @@ fn stations(curve: &Curve<'_>, guard: &Guard<'_>, options: &Options) -> Vec<f64>
         let steps = steps.ceil() as usize;
         out.extend((0..steps).map(|i| start + i as f64 / steps as f64));
     }
-    out.extend([band.end(), band.end() + options.overlap]);
-    if options.overlap == 0.0 {
-        out.dedup();
-    }
+    out.extend([last, if last < band.end() { last + INTO } else { last + options.overlap }]);
+    out.dedup();
     out
 }
 
-/// Why nothing of a piece can be reached.
-fn why(piece: PieceId, trials: &[Vec<Trial<'_>>], setup: &Setup, options: &Options) -> String {
-    let mine = trials.iter().flatten().filter(|it| it.piece() == piece);
-    let found = mine.flat_map(|it| &it.postures).find_map(|it| match barred(it.as_ref(), setup, options) {
-        Some(Bar::Obstacle(Obstacle::Nothing)) | None => None,
-        Some(Bar::Obstacle(it)) => Some(tell::obstacle(&it, setup)),
-        Some(Bar::Beyond(beyond)) => {
-            let at = it.as_ref().map_or_else(|_| Vec3::zeros(), |it| it.pose.tip);
-            let far = it.as_ref().map_or(at, |it| it.pose.at(options.tool.flute));
-            Some(tell::beyond(0, [at, far], &beyond))
-        }
-    });
-    found.unwrap_or_else(|| "its strips are too narrow to lead a cutter along".into())
+/// Why nothing of a piece can be reached: what bars most of it.
+fn why(piece: PieceId, left: &[Left]) -> String {
+    let mine = left.iter().filter(|it| it.piece == piece);
+    let most = mine.max_by(|a, b| a.area.total_cmp(&b.area));
+    most.map_or_else(|| "its strips are too narrow to lead a cutter along".into(), |it| it.reason.clone())
+}
+
+impl Run<'_> {
+    /// About its area, mm².
+    pub(super) fn area(&self) -> f64 {
+        let lines: Vec<_> =
+            self.stations.iter().filter_map(|&t| self.curve.band.line(t.clamp(0.0, self.curve.band.end()))).collect();
+        let between = |w: &[Line]| {
+            let way = (w[1].p + w[1].q - w[0].p - w[0].q) / 2.0;
+            way.cross(&(w[0].q - w[0].p)).norm()
+        };
+        lines.windows(2).map(between).sum::<f64>() / self.curve.level[1] as f64
+    }
 }
 
 /// The nearest start next, from the first run.

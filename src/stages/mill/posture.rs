@@ -57,6 +57,13 @@ impl Line {
         Self { p: self.q, q: self.p, normals: [self.normals[1], self.normals[0]] }
     }
 
+    /// The stretch of it between two shares of its length.
+    pub fn part(&self, from: f64, to: f64) -> Self {
+        let at = |s: f64| self.p + (self.q - self.p) * s;
+        let normal = |s: f64| (self.normals[0] * (1.0 - s) + self.normals[1] * s).normalize();
+        Self { p: at(from), q: at(to), normals: [normal(from), normal(to)] }
+    }
+
     /// Mean normal, orthogonal to the ruling.
     pub fn normal(&self) -> Vec3 {
         let a = self.direction();

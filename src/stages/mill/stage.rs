@@ -8,7 +8,7 @@ use super::{Carrier, Kinematics, Linear, Machine, MillError, Options, Rotary, Wi
 use crate::{
     geom::Vec3,
     mesh::sweep::{Deepest, Tool},
-    model::{CutMesh, Milling, Strips},
+    model::{CutMesh, Milling, StripLeft, Strips},
     profile::{self, Angle, Length, LinearAxis, Profiles, RotaryAxis, Turns},
     stage::{Check, Cx, KeyError, Section, Stage},
 };
@@ -107,7 +107,7 @@ pub struct Axes {
 
 impl Stage for MillStage {
     const NAME: &'static str = "mill";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     type Input = (CutMesh, Strips);
     type Output = Milling;
     type Profile = Axes;
@@ -159,11 +159,13 @@ impl Stage for MillStage {
     }
 
     fn section(&self, (cut, _): (&CutMesh, &Strips), _: &Axes, it: &Milling) -> Section {
-        let refused: Vec<Value> =
-            it.refused.iter().map(|[name, reason]| json!({ "name": name, "reason": reason })).collect();
         let table = json!({
             "pieces": it.pieces,
-            "refused": refused,
+            "refused": named(&it.refused),
+            "tight": named(&it.tight),
+            "left": it.left.iter().map(left_out).collect::<Vec<_>>(),
+            "max_unfit_mm": it.unfit.depth,
+            "unfit_share": it.unfit_share,
             "segments": it.segments,
             "blocks": it.moves.len(),
             "max_gouge_mm": it.gouge.depth,
@@ -173,53 +175,61 @@ impl Stage for MillStage {
             "seconds_estimate": it.seconds(),
             "setup": { "x": row(it.setup.rows[0]), "y": row(it.setup.rows[1]), "z": row(it.setup.rows[2]), "shift_mm": row(it.setup.shift) },
         });
-        let at = |it: &Deepest| format!("({:.1}, {:.1}, {:.1})", it.place.x, it.place.y, it.place.z);
-        let [gouge, excess] = it.limits;
-        let place = |found: &Deepest, limit: f64, hint: &str| {
-            if found.depth > limit { format!("at {}; {hint}", at(found)) } else { format!("deepest at {}", at(found)) }
-        };
-        let left = it.refused.len();
-        let total = cut.pieces.len();
-        let mut note =
-            format!("{} of {total} pieces are cut, {:.1} % of their area", it.pieces.len(), 100.0 * it.covered);
-        if let Some([name, reason]) = it.refused.first() {
-            note = format!("{note}; {left} are not: {name} {reason}");
-        }
-        Section::new("mill", table)
-            .check(Check::at_most(
-                "mill.gouge",
-                it.gouge.depth,
-                gouge,
-                "mm",
-                place(&it.gouge, gouge, "a thinner cutter may fit"),
-            ))
-            .check(Check::at_most(
-                "mill.excess",
-                it.excess.depth,
-                excess,
-                "mm",
-                place(
-                    &it.excess,
-                    excess,
-                    "the surface is hollow along its rulings there; develop further or cut smaller pieces",
-                ),
-            ))
-            .check(Check::at_most(
-                "mill.collision",
-                it.collision.depth,
-                0.0,
-                "mm",
-                if it.collision.depth > 0.0 {
-                    format!(
-                        "shank, holder or fixture at {}; let the cutter stick out farther, or choose another `up`",
-                        at(&it.collision)
-                    )
-                } else {
-                    "shank, holder and fixture are clear of the body".into()
-                },
-            ))
-            .check(Check { note, ..Check::at_least("mill.pieces", it.pieces.len() as f64, 1.0, "pieces", "") })
+        let section = Section::new("mill", table);
+        checks(it).into_iter().fold(section, Section::check).check(pieces_check(cut, it))
     }
+}
+
+fn at(it: &Deepest) -> String {
+    format!("({:.1}, {:.1}, {:.1})", it.place.x, it.place.y, it.place.z)
+}
+
+/// What the sweep found against what is allowed.
+fn checks(it: &Milling) -> [Check; 3] {
+    let [gouge, excess] = it.limits;
+    let place = |found: &Deepest, limit: f64, hint: &str| {
+        if found.depth > limit { format!("at {}; {hint}", at(found)) } else { format!("deepest at {}", at(found)) }
+    };
+    let hollow = "the surface is hollow along its rulings there; develop further or cut smaller pieces";
+    let free = if it.collision.depth > 0.0 {
+        let place = at(&it.collision);
+        format!("shank, holder or fixture at {place}; let the cutter stick out farther, or choose another `up`")
+    } else {
+        "shank, holder and fixture are clear of the body".into()
+    };
+    let gouge_note = place(&it.gouge, gouge, "a thinner cutter may fit");
+    [
+        Check::at_most("mill.gouge", it.gouge.depth, gouge, "mm", gouge_note),
+        Check::at_most("mill.excess", it.excess.depth, excess, "mm", place(&it.excess, excess, hollow)),
+        Check::at_most("mill.collision", it.collision.depth, 0.0, "mm", free),
+    ]
+}
+
+/// How much is cut, what is not, and where the cutter does not fit.
+fn pieces_check(cut: &CutMesh, it: &Milling) -> Check {
+    let (made, total) = (it.pieces.len(), cut.pieces.len());
+    let mut note = format!("{made} of {total} pieces are cut, {:.1} % of their area", 100.0 * it.covered);
+    if let Some([name, reason]) = it.refused.first() {
+        note = format!("{note}; {} are not: {name} {reason}", it.refused.len());
+    }
+    if let Some(StripLeft { piece, strip, area, reason }) = it.left.first() {
+        note = format!("{note}; at most {area:.0} mm² of strip {} of {piece} are left: {reason}", strip + 1);
+    }
+    if it.unfit.depth > 0.0 {
+        let left = it.unfit.depth;
+        note =
+            format!("{note}; the cutter does not fit at {}: a ball of its radius leaves {left:.2} mm", at(&it.unfit));
+    }
+    Check { note, ..Check::at_least("mill.pieces", made as f64, 1.0, "pieces", "") }
+}
+
+/// Pieces with what is said of them.
+fn named(pieces: &[[String; 2]]) -> Vec<Value> {
+    pieces.iter().map(|[name, reason]| json!({ "name": name, "reason": reason })).collect()
+}
+
+fn left_out(it: &StripLeft) -> Value {
+    json!({ "piece": it.piece, "strip": it.strip + 1, "area_mm2": it.area, "reason": it.reason })
 }
 
 fn row(v: Vec3) -> [f64; 3] {
