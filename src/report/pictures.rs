@@ -176,6 +176,12 @@ fn draw_folded(folded: &Folded, mesh: &TriMesh, base: MeshStyle<'_>) -> Result<V
     render::mesh(mesh, &MeshStyle { strokes: &strokes, edges: Edges::Boundary, ..base })
 }
 
+/// The picture of the steps for the page; `None` where nothing was folded or no picture could be drawn.
+pub(super) fn folding_strip(subjects: &Subjects<'_>) -> Option<Vec<u8>> {
+    let (folded, cut) = subjects.folded.zip(subjects.cut)?;
+    folding(folded, &cut.mesh, MeshStyle { up: up(subjects.source), ..MeshStyle::default() }).ok()
+}
+
 /// The steps from flat to folded, side by side.
 fn folding(folded: &Folded, mesh: &TriMesh, base: MeshStyle<'_>) -> Result<Vec<u8>, RenderError> {
     let (side, row) = STEP;

@@ -11,7 +11,7 @@ mod sheets;
 
 use serde_json::{Value, json};
 
-use super::pictures::Subjects;
+use super::pictures::{self, Subjects};
 use crate::model::{Flattening, Globe, Operation, Stripes, Toolpaths};
 
 /// What the page shows.
@@ -61,6 +61,9 @@ const FIXED: &[(&str, &str)] = &[
 pub fn page(content: &Content<'_>, report: &Value) -> Vec<u8> {
     let mut pack = pack::Pack::default();
     let mut scene = scene::scene(content, &mut pack);
+    if let Some(strip) = pictures::folding_strip(&content.subjects) {
+        scene["folding"] = json!(format!("data:image/png;base64,{}", pack::base64(&strip)));
+    }
     scene["sheets"] = sheets::sheets(content, &mut pack);
     scene["operations"] = sheets::operations(content);
     scene["rapid"] = json!(content.rapid);

@@ -154,7 +154,7 @@ function filesPanel() {
     const folder = it.path.includes("/") ? it.path.slice(0, it.path.lastIndexOf("/") + 1) : "";
     folders.set(folder, [...(folders.get(folder) ?? []), it]);
   }
-  const about = { "sheets/": "nested sheets: what the machine cuts", "parts/": "one file per part, for a shop", "model/": "the meshes", "preview/": "pictures", "strips/": "bends, for rolling and press brakes", "toolpaths/": "programs of the mill", "stripes/": "the lines", "": "instructions" };
+  const about = { "sheets/": "nested sheets: what the machine cuts", "parts/": "one file per part, for a shop", "model/": "the meshes", "preview/": "pictures", "strips/": "bends, for rolling and press brakes", "toolpaths/": "programs of the mill", "stripes/": "the lines", "folded/": "the folded sheet, the steps on its way, fold angles and the pattern", "": "instructions" };
   const href = (path) => path.split("/").map(encodeURIComponent).join("/");
   const row = (it) => [make("a", { href: href(it.path) }, it.path.slice(it.path.lastIndexOf("/") + 1)), it.format, { number: fileSize(it.bytes) }];
   const group = ([folder, list]) => {
@@ -186,8 +186,18 @@ function stripesPanel() {
   return panel("stripes", "Stripes", make("p", {}, about), make("details", {}, make("summary", {}, "as numbers"), figures(table)));
 }
 
+function foldPanel() {
+  const table = report.fold;
+  if (!table) return null;
+  const strip = scene.folding ? [make("img", { src: scene.folding, alt: "the steps from flat to folded", style: "max-width: 100%" })] : [];
+  const head = ["crease", { number: "length mm" }, { number: "mean angle °" }, "folds"];
+  const row = (it) => [String(it.crease), number(it.length_mm), number(it.mean_angle_deg), it.folds.join(", ")];
+  const creases = make("details", { open: table.creases.length <= 12 }, make("summary", {}, "creases"), tableOf(head, table.creases.map(row)));
+  return panel("fold", "Folding", ...strip, creases, make("details", {}, make("summary", {}, "as numbers"), figures(table)));
+}
+
 /** Tables of the report that have a panel of their own, or are shown above. */
-const SHOWN = ["config", "stages", "checks", "files", "assembly", "stripes", "sphere"];
+const SHOWN = ["config", "stages", "checks", "files", "assembly", "stripes", "sphere", "fold"];
 
 /** Everything else that was measured. */
 function measuresPanel() {
@@ -205,4 +215,4 @@ function configPanel() {
 }
 
 /** In this order; each returns an element, or null where the job has nothing of the kind. */
-const PANELS = [checksPanel, assemblyPanel, piecesPanel, stripesPanel, spherePanel, roundsPanel, stagesPanel, filesPanel, measuresPanel, configPanel];
+const PANELS = [checksPanel, assemblyPanel, piecesPanel, stripesPanel, spherePanel, foldPanel, roundsPanel, stagesPanel, filesPanel, measuresPanel, configPanel];

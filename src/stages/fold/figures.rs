@@ -32,7 +32,7 @@ pub fn figures(net: &Net, folds: &[FoldPoint], x: &[Vec3]) -> FoldFigures {
     };
     let defects: Vec<f64> =
         net.stars.iter().filter(|it| it.around.len() == 4).map(|it| defect(it.centre, &it.around).abs()).collect();
-    let mean = |list: &[f64]| list.iter().sum::<f64>() / list.len().max(1) as f64;
+    let mean = |list: &[f64]| list.iter().fold(0.0, |sum, it| sum + it) / list.len().max(1) as f64;
     let most = |list: &[f64]| list.iter().copied().fold(0.0, f64::max);
     let crease_points = net.crease_points() - net.excluded(Degenerate::Straight);
     FoldFigures {

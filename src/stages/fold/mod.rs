@@ -151,7 +151,7 @@ pub fn fold(
 /// Attempts at a number of vertices.
 const ATTEMPTS: usize = 6;
 /// Other edges that are tried, as factors, for a grid that leaves out fewer crease points.
-const OTHERS: [f64; 8] = [1.0, 0.98, 1.02, 0.96, 1.04, 0.94, 1.06, 0.92];
+const OTHERS: [f64; 9] = [1.0, 0.99, 1.01, 0.98, 1.02, 0.97, 1.03, 0.96, 1.04];
 /// Share of the crease points left out from which other grids are tried.
 const MANY: f64 = 0.05;
 

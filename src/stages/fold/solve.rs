@@ -1,4 +1,6 @@
 //! The sequential quadratic program of section 6.4, warm-started along a path of handles.
+mod settle;
+
 use std::collections::BTreeMap;
 
 use super::{
@@ -45,6 +47,29 @@ pub struct Options {
     pub iterations_per_frame: usize,
     /// Most SQP iterations at the end of the path.
     pub settle: usize,
+}
+
+impl Options {
+    /// Weights of section 6.2, but isometry and continuity are a hundred times as heavy once the sheet comes to rest, which keeps
+    /// the figures of section 6.1 for both; limits of section 6.1, none for handles.
+    pub const PAPER: Self = Self {
+        bending: 1.0,
+        isometry: 2e6,
+        position: 5.0,
+        continuity: 1e6,
+        dihedral: 100.0,
+        steepness: 1000.0,
+        soft: 0.01,
+        delta: 1e-4,
+        fold: true,
+        stretch_limit: 4e-3,
+        continuity_limits: [2e-4, 3.5e-3],
+        handle_limit: f64::INFINITY,
+        least_fold: 0.26,
+        frames: 20,
+        iterations_per_frame: 5,
+        settle: 400,
+    };
 }
 
 /// A linear form of vertices that is to reach a place: a point of the sheet, or the difference of two that are to meet.
@@ -238,112 +263,6 @@ impl<'a> Solver<'a> {
         Ok(())
     }
 
-    /// Lets the sheet come to rest with the handles at their targets, ever stiffer, and harder where a limit is passed.
-    fn settle(&mut self, monitor: &Monitor<'_>) -> Result<Step, FoldError> {
-        let targets: Vec<Vec3> = self.handles.iter().map(|it| it.target).collect();
-        let mut step = Step::default();
-        for _ in 0..self.options.settle {
-            monitor.check()?;
-            step = self.step(&targets)?;
-            if step.taken < 1.0 {
-                continue;
-            }
-            if self.stiffness < 1.0 {
-                self.stiffen((STIFFEN * self.stiffness).min(1.0));
-                continue;
-            }
-            self.delta = (0.5 * self.delta).max(LEAST_DELTA);
-            let more = self.hold_harder();
-            if !more && step.change < 1e-6 && step.residual < 1e-9 {
-                break;
-            }
-        }
-        self.restore(&targets)?;
-        Ok(step)
-    }
-
-    /// Raises the weights of edges and handles that pass their limits; whether there were any.
-    fn hold_harder(&mut self) -> bool {
-        let mut more = false;
-        let raise = |excess: f64| excess.clamp(1.0, STIFFEN);
-        for (weight, &[a, b]) in self.edge_weights.iter_mut().zip(&self.net.edges) {
-            let [l, l0] = [&self.x, &self.net.flat].map(|x| (x[a as usize] - x[b as usize]).norm());
-            let excess = ((l - l0).abs() / l0 / (MARGIN * self.options.stretch_limit)).powi(2);
-            *weight *= raise(excess);
-            more |= excess > 1.0;
-        }
-        let first = self.net.laplacian.len();
-        let gaps: Vec<f64> =
-            self.net.points.iter().map(|it| (it.sides[0].at(&self.x) - it.sides[1].at(&self.x)).norm()).collect();
-        let [mean, most] = self.options.continuity_limits.map(|it| MARGIN * it);
-        let wide = gaps.iter().sum::<f64>() > mean * gaps.len() as f64;
-        let mut moved = false;
-        for (gap, (_, weight)) in gaps.iter().zip(&mut self.forms[first..]) {
-            // Where the mean is too large, the gaps that are larger than it should be are closed.
-            let limit = if wide { mean } else { most };
-            let excess = gap / limit;
-            *weight *= raise(excess);
-            moved |= excess > 1.0;
-        }
-        let first = self.forms.len() - self.handles.len();
-        for (it, (_, weight)) in self.handles.iter().zip(&mut self.forms[first..]) {
-            let excess = (it.miss(&self.x) / (MARGIN * self.options.handle_limit)).powi(2);
-            *weight *= raise(excess);
-            moved |= excess > 1.0;
-        }
-        if moved {
-            self.kkt.set_forms(&self.forms);
-        }
-        more || moved
-    }
-
-    /// Moves to a net whose angles are exact: Newton steps that cost the least by the Hessian of the objective.
-    /// One that makes them less exact is taken back and ends it.
-    fn restore(&mut self, targets: &[Vec3]) -> Result<(), FoldError> {
-        let n = 3 * self.x.len();
-        let mut best = (f64::INFINITY, self.x.clone());
-        for _ in 0..MOST_RESTORATIONS {
-            let mut right = vec![0.0; n + self.kkt.constraints()];
-            self.kkt.begin(LEAST_DAMPING, LEAST_DELTA);
-            self.add_objective(targets, &mut right[..n]);
-            right.fill(0.0);
-            let (mut row, mut worst) = (n, 0.0_f64);
-            for (index, star) in self.net.stars.iter().enumerate() {
-                let it = angles(star, &self.x);
-                self.kkt.set_star(index, &it, star.around.len());
-                for value in &it.values[..it.count] {
-                    right[row] = -value;
-                    worst = worst.max(value.abs());
-                    row += 1;
-                }
-            }
-            if !(worst < best.0) {
-                self.x = best.1;
-                break;
-            }
-            best = (worst, self.x.clone());
-            if worst < RESTORED {
-                break;
-            }
-            let iteration = self.iterations;
-            let solved = self.kkt.solve(&right, REFINEMENTS).map_err(|source| FoldError::Step { iteration, source });
-            for (x, d) in self.x.iter_mut().zip(solved?.0.chunks_exact(3)) {
-                *x += Vec3::new(d[0], d[1], d[2]);
-            }
-        }
-        Ok(())
-    }
-
-    /// Sets the share of the isometry and continuity weights.
-    fn stiffen(&mut self, share: f64) {
-        self.stiffness = share;
-        let first = self.net.laplacian.len();
-        for (_, weight) in &mut self.forms[first..first + self.net.points.len()] {
-            *weight = Vec3::repeat(2.0 * self.options.continuity * share);
-        }
-        self.kkt.set_forms(&self.forms);
-    }
-
     /// One SQP iteration towards the given places of the handles.
     pub fn step(&mut self, targets: &[Vec3]) -> Result<Step, FoldError> {
         self.iterations += 1;
@@ -352,7 +271,10 @@ impl<'a> Solver<'a> {
         loop {
             let (d, multipliers, slope) = self.direction(targets, &mut out)?;
             let merit = here.merit(self.omega, self.delta);
-            let (mut share, mut folding) = (1.0, false);
+            // A step over several cells leaves the region that its linearisation says anything about.
+            let longest = d.iter().fold(0.0_f64, |m, it| m.max(it.abs()));
+            let whole = (FARTHEST / longest).min(1.0);
+            let (mut share, mut folding) = (whole, false);
             for _ in 0..MOST_HALVINGS {
                 let trial: Vec<Vec3> = self
                     .x
@@ -363,13 +285,13 @@ impl<'a> Solver<'a> {
                 let there = self.worth(&trial, targets);
                 let ok = there.unfolded <= here.unfolded;
                 folding |= ok;
-                if !ok && share == 1.0 && out.factorisations < MOST_DOUBLINGS && self.omega < MOST_OMEGA {
+                if !ok && share == whole && out.factorisations < MOST_DOUBLINGS && self.omega < MOST_OMEGA {
                     break;
                 }
                 let value = there.merit(self.omega, self.delta);
-                if ok && value <= merit + 1e-4 * share * slope + 1e-13 * merit.abs() {
+                if ok && value.is_finite() && value <= merit + 1e-4 * share * slope + 1e-13 * merit.abs() {
                     out.taken = share;
-                    out.change = d.iter().fold(0.0_f64, |m, it| m.max(it.abs())) * share;
+                    out.change = longest * share;
                     (out.residual, out.objective) = (there.residual, there.objective);
                     if share == 1.0 {
                         self.multipliers = multipliers;
@@ -556,16 +478,10 @@ const RELAX: f64 = 3.0;
 const LEAST_DELTA: f64 = 1e-8;
 /// Rounds of refinement of a step.
 const REFINEMENTS: usize = 3;
-/// Factor by which the weights grow while settling.
-const STIFFEN: f64 = 1.5;
 /// Factorisations in which ω may be doubled because the full step fails the exact test; after that the step is halved.
 const MOST_DOUBLINGS: usize = 4;
-/// Share of a limit from which a weight is raised.
-const MARGIN: f64 = 0.9;
-/// Steps of the restoration.
-const MOST_RESTORATIONS: usize = 16;
-/// Largest |cos α_k − cos α_{k+1}| that is left.
-const RESTORED: f64 = 1e-11;
+/// Largest change of a coordinate in one step, in mean edges.
+const FARTHEST: f64 = 2.0;
 /// Halvings in a line search.
 const MOST_HALVINGS: usize = 12;
 /// ω is not doubled beyond this.

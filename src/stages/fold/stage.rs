@@ -138,7 +138,7 @@ impl Default for FoldStage {
             least_fold: Angle::degrees(15.0),
             frames: 20,
             iterations: 5,
-            settle: 250,
+            settle: 400,
             kept_frames: 6,
             stretch: 0.004,
         }
@@ -152,13 +152,13 @@ const EXCLUDED: f64 = 0.1;
 /// Stretch that the mean edge may have.
 const STRETCH_MEAN: f64 = 0.003;
 /// Gaps along creases, mean and largest, in mean edges.
-const CONTINUITY: [f64; 2] = [2e-4, 3.5e-3];
+const CONTINUITY: [f64; 2] = solve::Options::PAPER.continuity_limits;
 /// Largest difference of the cosines of angles at a vertex.
 const RESIDUAL: f64 = 1e-8;
 
 impl Stage for FoldStage {
     const NAME: &'static str = "fold";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type Input = (SourceMesh, CreasePattern);
     type Output = (CutMesh, Flattening, Folded);
     type Profile = ();
@@ -318,26 +318,14 @@ impl FoldStage {
         out
     }
 
-    /// Weights of section 6.2; isometry and continuity are a hundred times as heavy as there once the sheet comes to rest, which
-    /// keeps the paper's figures for both.
     fn solver(&self) -> solve::Options {
         solve::Options {
-            bending: 1.0,
-            isometry: 2e6,
-            position: 5.0,
-            continuity: 1e6,
-            dihedral: 100.0,
-            steepness: 1000.0,
-            soft: 0.01,
-            delta: 1e-4,
-            fold: true,
             stretch_limit: self.stretch,
-            continuity_limits: CONTINUITY,
             least_fold: self.least_fold.radians,
-            handle_limit: f64::INFINITY,
             frames: self.frames,
             iterations_per_frame: self.iterations,
             settle: self.settle,
+            ..solve::Options::PAPER
         }
     }
 

@@ -101,24 +101,8 @@ fn derivatives_agree_with_differences() {
     }
 }
 
-const SOLVER: solve::Options = solve::Options {
-    bending: 1.0,
-    isometry: 2e6,
-    position: 5.0,
-    continuity: 1e6,
-    dihedral: 100.0,
-    steepness: 1000.0,
-    soft: 0.01,
-    delta: 1e-4,
-    fold: true,
-    stretch_limit: 4e-3,
-    continuity_limits: [2e-4, 3.5e-3],
-    handle_limit: f64::INFINITY,
-    least_fold: 0.3,
-    frames: 15,
-    iterations_per_frame: 4,
-    settle: 120,
-};
+const SOLVER: solve::Options =
+    solve::Options { least_fold: 0.3, frames: 15, iterations_per_frame: 4, settle: 120, ..solve::Options::PAPER };
 
 /// A pattern of a rectangle from (0, 0) and creases, with its paper.
 fn sheet(size: [f64; 2], creases: Vec<Curve>) -> (CreasePattern, TriMesh) {
