@@ -47,8 +47,7 @@ pub fn paper(curves: &[Curve], border: u32, cell: f64) -> Result<TriMesh, PaperE
         }
         divided = Arrangement::new(&all, NEAR * cell, &|_| false)?;
         // A line through a hole joins its boundary to that around it.
-        let holes: Vec<Box2> =
-            divided.faces[1..].iter().flat_map(|face| &face[1..]).map(|hole| Box2::of(hole)).collect();
+        let holes: Vec<Box2> = divided.faces[1..].iter().flat_map(|face| &face[1..]).map(Box2::of).collect();
         if holes.is_empty() {
             break;
         }

@@ -13,7 +13,7 @@ macro_rules! nouns {
 
         /// Any one noun.
         #[derive(Debug, Clone, PartialEq)]
-        pub enum Artifact { $(#[doc = stringify!($name)] $name($name)),* }
+        pub enum Artifact { $(#[doc = stringify!($name)] $name(Box<$name>)),* }
 
         impl Artifact {
             /// Its kind.
@@ -25,11 +25,11 @@ macro_rules! nouns {
         $(impl Noun for $name {
             const KIND: Kind = Kind::$name;
             fn wrap(self) -> Artifact {
-                Artifact::$name(self)
+                Artifact::$name(Box::new(self))
             }
             fn peek(artifact: &Artifact) -> Option<&Self> {
                 match artifact {
-                    Artifact::$name(it) => Some(it),
+                    Artifact::$name(it) => Some(it.as_ref()),
                     _ => None,
                 }
             }

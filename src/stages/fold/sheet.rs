@@ -9,8 +9,11 @@ use crate::{
     model::CreasePattern,
 };
 
-/// Every vertex of the mesh as combinations of four vertices of a net, one for each patch that it belongs to.
-pub(super) struct Sheet(Vec<Vec<(usize, [(u32, f64); 4])>>);
+/// A patch, and a point of it as a combination of four vertices of the net.
+type Tie = (usize, [(u32, f64); 4]);
+
+/// Of every vertex of the mesh one for each patch that it belongs to.
+pub(super) struct Sheet(Vec<Vec<Tie>>);
 
 impl Sheet {
     /// Ties a flat mesh whose edges run along the creases to the nets.
@@ -22,7 +25,7 @@ impl Sheet {
             let far = pattern.bounds().size().norm();
             let Some((patch, _)) = nearest_patch(pattern, middle, far) else { continue };
             for (v, p) in mesh.face_vertices(f).into_iter().zip(corners) {
-                let ties: &mut Vec<(usize, [(u32, f64); 4])> = &mut out[v.index()];
+                let ties: &mut Vec<Tie> = &mut out[v.index()];
                 if ties.iter().all(|it| it.0 != patch) {
                     let form = net
                         .locate(patch, p, middle)

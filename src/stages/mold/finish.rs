@@ -96,7 +96,7 @@ pub(super) fn program(placed: &Placed, mill: &Mill, monitor: &Monitor) -> Result
     let pass = |x: f64| -> Pass {
         let mut near = (top, FaceId(0));
         let at = |k: usize| Vec2::new(x, low.y + (high.y - low.y) * k as f64 / count as f64);
-        (0..=count).map(|k| at(k)).map(|p| Vec3::new(p.x, p.y, drop.height(p, &mut near))).collect()
+        (0..=count).map(at).map(|p| Vec3::new(p.x, p.y, drop.height(p, &mut near))).collect()
     };
     let finish = passes(&pass, [low.x, high.x], width, monitor)?;
     let mut moves = roughing_moves(&finish, [bounds.min.z, bounds.max.z], top, mill);
