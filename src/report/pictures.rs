@@ -182,6 +182,21 @@ pub(super) fn folding_strip(subjects: &Subjects<'_>) -> Option<Vec<u8>> {
     folding(folded, &cut.mesh, MeshStyle { up: up(subjects.source), ..MeshStyle::default() }).ok()
 }
 
+/// Pixels of a side of the pictures of a net on the page.
+const NET_PIXELS: u32 = 640;
+
+/// Pictures of a net for the page, each with what its colours say.
+pub(super) fn net_pictures(subjects: &Subjects<'_>) -> Vec<(&'static str, Vec<u8>)> {
+    let Some(fit) = subjects.net else { return Vec::new() };
+    let style = MeshStyle { width: NET_PIXELS, height: NET_PIXELS, up: up(subjects.source), ..MeshStyle::default() };
+    let mut out =
+        vec![("Gaussian curvature: red where positive, blue where negative", draw_curvature(&fit.net, style))];
+    if !fit.strain.is_empty() {
+        out.push(("strain: darkest where it is largest", draw_strain(fit, style)));
+    }
+    out.into_iter().filter_map(|(about, picture)| Some((about, picture.ok()?))).collect()
+}
+
 /// The steps from flat to folded, side by side.
 fn folding(folded: &Folded, mesh: &TriMesh, base: MeshStyle<'_>) -> Result<Vec<u8>, RenderError> {
     let (side, row) = STEP;

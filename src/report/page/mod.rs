@@ -61,9 +61,12 @@ const FIXED: &[(&str, &str)] = &[
 pub fn page(content: &Content<'_>, report: &Value) -> Vec<u8> {
     let mut pack = pack::Pack::default();
     let mut scene = scene::scene(content, &mut pack);
+    let embedded_picture = |png: &[u8]| format!("data:image/png;base64,{}", pack::base64(png));
     if let Some(strip) = pictures::folding_strip(&content.subjects) {
-        scene["folding"] = json!(format!("data:image/png;base64,{}", pack::base64(&strip)));
+        scene["folding"] = json!(embedded_picture(&strip));
     }
+    let net = pictures::net_pictures(&content.subjects);
+    scene["net"] = net.iter().map(|(about, png)| json!({ "about": about, "src": embedded_picture(png) })).collect();
     scene["sheets"] = sheets::sheets(content, &mut pack);
     scene["operations"] = sheets::operations(content);
     scene["rapid"] = json!(content.rapid);

@@ -154,7 +154,7 @@ function filesPanel() {
     const folder = it.path.includes("/") ? it.path.slice(0, it.path.lastIndexOf("/") + 1) : "";
     folders.set(folder, [...(folders.get(folder) ?? []), it]);
   }
-  const about = { "sheets/": "nested sheets: what the machine cuts", "parts/": "one file per part, for a shop", "model/": "the meshes", "preview/": "pictures", "strips/": "bends, for rolling and press brakes", "toolpaths/": "programs of the mill", "stripes/": "the lines", "folded/": "the folded sheet, the steps on its way, fold angles and the pattern", "": "instructions" };
+  const about = { "sheets/": "nested sheets: what the machine cuts", "parts/": "one file per part, for a shop", "model/": "the meshes", "preview/": "pictures", "strips/": "bends, for rolling and press brakes", "toolpaths/": "programs of the mill", "stripes/": "the lines", "mold/": "parts of the mould, its programs, profile and panels", "laths/": "one drawing per lath, and the cut list", "folded/": "the folded sheet, the steps on its way, fold angles and the pattern", "": "instructions" };
   const href = (path) => path.split("/").map(encodeURIComponent).join("/");
   const row = (it) => [make("a", { href: href(it.path) }, it.path.slice(it.path.lastIndexOf("/") + 1)), it.format, { number: fileSize(it.bytes) }];
   const group = ([folder, list]) => {
@@ -196,8 +196,20 @@ function foldPanel() {
   return panel("fold", "Folding", ...strip, creases, make("details", {}, make("summary", {}, "as numbers"), figures(table)));
 }
 
+/** The recipes `net` and `mold`: pictures of the net, its figures, and the parts of the moulds. */
+function netPanel() {
+  if (!report.net) return null;
+  const picture = ({ about, src }) => make("figure", {}, make("img", { src, alt: `the net, coloured by ${about}` }), make("figcaption", { class: "note" }, about));
+  const head = ["part of the mould", { number: "width × depth × height mm" }, { number: "volume cm³" }, { number: "dowel holes" }];
+  const row = (it) => [it.file, it.size_mm.map((x) => x.toFixed(1)).join(" × "), number(it.volume_mm3 / 1000), { number: it.dowel_holes }];
+  const segments = report.mold?.segments?.length ? [tableOf(head, report.mold.segments.map(row))] : [];
+  const tables = ["net", "bend", "mold"].filter((key) => report[key]).map((key) => make("details", {}, make("summary", {}, key), figures(report[key])));
+  const pictures = make("div", { class: "pictures" }, ...scene.net.map(picture));
+  return panel("net", report.mold ? "Net and mould" : "Net", pictures, ...segments, ...tables);
+}
+
 /** Tables of the report that have a panel of their own, or are shown above. */
-const SHOWN = ["config", "stages", "checks", "files", "assembly", "stripes", "sphere", "fold"];
+const SHOWN = ["config", "stages", "checks", "files", "assembly", "stripes", "sphere", "fold", "net", "bend", "mold"];
 
 /** Everything else that was measured. */
 function measuresPanel() {
@@ -215,4 +227,4 @@ function configPanel() {
 }
 
 /** In this order; each returns an element, or null where the job has nothing of the kind. */
-const PANELS = [checksPanel, assemblyPanel, piecesPanel, stripesPanel, spherePanel, foldPanel, roundsPanel, stagesPanel, filesPanel, measuresPanel, configPanel];
+const PANELS = [checksPanel, assemblyPanel, piecesPanel, stripesPanel, spherePanel, foldPanel, netPanel, roundsPanel, stagesPanel, filesPanel, measuresPanel, configPanel];

@@ -3,7 +3,7 @@
 use super::Revolution;
 use crate::{
     geom::{Vec2, polygon::nearest_on_segment},
-    model::{Mark, Operation, Part},
+    model::Part,
 };
 
 /// How ribs are made.
@@ -21,14 +21,13 @@ fn part(name: String, outline: Vec<Vec2>) -> Part {
     Part { name, contours: vec![outline], marks: vec![] }
 }
 
-/// The half section between the profile and the axis, with the profile once more as a line for a lathe or a hot wire.
+/// The half section between the profile and the axis, for a lathe or a hot wire.
 pub(super) fn half_section(profile: &[Vec2]) -> Part {
     let (first, last) = (profile[0], profile[profile.len() - 1]);
     let mut outline = vec![Vec2::new(0.0, first.y)];
     outline.extend(profile);
     outline.push(Vec2::new(0.0, last.y));
-    let mark = Mark { operation: Operation::Engrave, points: profile.to_vec(), closed: false };
-    Part { marks: vec![mark], ..part("profile".into(), outline) }
+    part("profile".into(), outline)
 }
 
 /// Ribs of mould number `mold` between two rows over an angle: upright ones with slots from behind, level ones with slots from the

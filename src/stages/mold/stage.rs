@@ -151,7 +151,7 @@ impl MoldStage {
 
 impl Stage for MoldStage {
     const NAME: &'static str = "mold";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type Input = (NetFit, Option<Guides>);
     type Output = (DevelopableMesh, Guides, Molds);
     type Profile = ();
