@@ -136,8 +136,8 @@ fn what_a_holder_cannot_get_past_stays_as_it_is_and_is_told_of() {
 
 #[test]
 fn a_surface_that_bows_along_its_rulings_is_cut_in_as_many_levels_as_it_takes() {
-    // A cone of half the size stands out or in by 0.5 mm in the middle of its rulings: a straight cutter would leave as much at
-    // their ends, or there.
+    // The cone stands out or in by 0.5 mm in the middle of its rulings: a straight cutter would leave as much at their ends, or
+    // there.
     let cone = good("cone-patch.obj");
     let normals: Vec<Vec3> = {
         let mut sums = vec![Vec3::zeros(); cone.vertex_count()];
@@ -151,7 +151,7 @@ fn a_surface_that_bows_along_its_rulings_is_cut_in_as_many_levels_as_it_takes() 
     for sign in [1.0, -1.0] {
         let bowed = cone.positions().iter().zip(&normals).map(|(p, n)| {
             let s = share(p).y;
-            p / 2.0 + n.normalize() * (sign * 2.0 * s * (1.0 - s))
+            p + n.normalize() * (sign * 2.0 * s * (1.0 - s))
         });
         let mesh = TriMesh::new(bowed.collect(), &cone.face_indices()).unwrap();
         let found = milled(mesh, &Options { excess: 0.1, ..options(tables_ac()) });
