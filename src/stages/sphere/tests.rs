@@ -174,3 +174,25 @@ fn seams_are_whole_paths_on_a_shape_with_limbs() {
     let inner = |h: HalfedgeId| made.mesh.twin(h).is_some();
     assert!(made.mesh.halfedges().all(inner));
 }
+
+#[test]
+fn seams_beside_slivers_keep_their_length() {
+    let made = gores(&shapes::icosphere(100.0, 4), &options(), &Monitor::silent()).unwrap();
+    let (mesh, seams) = (&made.mesh, &made.seams);
+    let on_seam = |v| seams.iter().any(|&e| mesh.edge_vertices(e).contains(&v));
+    let apex = |e: EdgeId| {
+        let ends = mesh.edge_vertices(e);
+        mesh.face_vertices(mesh.face(mesh.halfedge(e))).into_iter().find(|v| !ends.contains(v)).unwrap()
+    };
+    let k = (0..seams.len()).find(|&k| made.scales[k] > 1.01 && !on_seam(apex(seams[k]))).unwrap();
+    // The face beside it becomes flat: its apex comes down to a tenth of its height.
+    let ends = mesh.edge_vertices(seams[k]).map(|v| mesh.position(v));
+    let foot = (ends[0] + ends[1]) / 2.0;
+    let mut positions = mesh.positions().clone();
+    positions[apex(seams[k])] = foot + 0.1 * (mesh.position(apex(seams[k])) - foot);
+    let dented = mesh.with_positions(positions);
+    let scales = share(&dented, seams, options().stretch).unwrap();
+    assert_eq!(scales[k], 1.0);
+    // It alone: the piece as a whole still shares.
+    assert!(scales.iter().filter(|it| **it > 1.01).count() * 2 > made.scales.iter().filter(|it| **it > 1.01).count());
+}
